@@ -1,0 +1,263 @@
+"""Laws of slosh damping: xi = f(A) at slosh amplitude A, and the force that has this describing function.
+
+An amplitude A of a law is V/w: slosh velocity amplitude over slosh natural frequency. At the slosh frequency it is the
+displacement amplitude of the slosh mass; in an oscillation at another frequency W it is W A / w. The paper sets
+W = w before eq 17; keeping the ratio makes its 0.474 m the 0.444 m that a simulation shows.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
+
+from sloshpy.damping.describing_function import describing_function_factor, invert_describing_function
+from sloshpy.errors import OutsideValidity
+from sloshpy.units import Array, Quantity, Real, UnitError, parse
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
+MOST_DAMPING = 0.3  # above this a "damping ratio" is a percentage, a log decrement or 2 xi (a factor 3 above any baffle)
+_HINT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
+
+
+class DampingLaw(Protocol):
+    """What the method asks of a law: xi = f(A) for the frequency domain, a force for the time domain."""
+
+    @property
+    def largest_amplitude(self) -> float:
+        """The amplitude in m up to which the law is supported; inf for a formula."""
+
+    @property
+    def smallest_amplitude(self) -> float:
+        """The amplitude in m from which the law is supported; 0 for a formula."""
+
+    def ratio(self, amplitude: Real) -> Array:
+        """Return xi at amplitudes V/w in m, any shape; nan outside the supported range."""
+
+    def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
+        """Return the damping acceleration in m/s^2 at slosh velocities in m/s; nan outside the supported range."""
+
+    def amplitude(self, ratio: Real) -> Array:
+        """Return the least amplitude in m beyond which the law always gives at least the ratio.
+
+        Where the law gives it already at its smallest amplitude, that amplitude is returned; where a constant never
+        gives it, inf; where tested data do not reach it, nan.
+        """
+
+
+class _Law(BaseModel):
+    """What the laws share: a frozen value with named fields, valid at every amplitude unless it says otherwise."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    @property
+    def largest_amplitude(self) -> float:
+        return np.inf
+
+    @property
+    def smallest_amplitude(self) -> float:
+        return 0.0
+
+
+class ConstantDamping(_Law):
+    """Linear damping: the same ratio at every amplitude."""
+
+    law: Literal["constant"] = "constant"
+    constant_ratio: Annotated[
+        float, Quantity("1", "xi", "damping ratio", least=0.0, most=MOST_DAMPING, hint=_HINT)
+    ] = Field(alias="ratio")
+
+    def ratio(self, amplitude: Real) -> Array:
+        return np.full(np.shape(amplitude), self.constant_ratio)
+
+    def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
+        return np.asarray(-2.0 * self.constant_ratio * natural_frequency * np.asarray(velocity))
+
+    def amplitude(self, ratio: Real) -> Array:
+        return np.where(np.asarray(ratio) <= self.constant_ratio, 0.0, np.inf)
+
+
+class PowerDamping(_Law):
+    """xi = slope A^exponent; exponent 1 is the paper's odd square law (eqs 14, 18), 1/2 a ring baffle (Miles)."""
+
+    law: Literal["power"] = "power"
+    exponent: Annotated[float, Quantity("1", "p", "exponent of the amplitude", above=0.0, most=4.0)] = 1.0
+    slope: Annotated[float, Quantity("1", "alpha", "damping ratio at an amplitude of 1 m, in m^-exponent", above=0.0)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _slope_in_its_unit(cls, data: Any, info: ValidationInfo) -> Any:
+        """Read a slope such as "0.1 1/m"; its unit is m^-p, so it depends on the exponent beside it."""
+        if not isinstance(data, dict) or "slope" not in data:
+            return data
+        p, slope = data.get("exponent", 1.0), data["slope"]
+        if isinstance(p, bool) or not isinstance(p, int | float):
+            return data  # the exponent's own check says what is wrong
+        cure = f'write "0.1 1/m^{p:g}"' if p != 1 else 'write "0.1 1/m"'
+        if isinstance(slope, str):
+            try:
+                return data | {"slope": parse(slope, f"1/m^{p:g}" if p != 1 else "1/m")}
+            except UnitError as error:
+                raise _error("slope", error.rule, error.cure if p == 1 else cure) from None
+        if info.context and info.context.get("file"):
+            raise _error("slope", "has no unit" if isinstance(slope, int | float) else "is not a number", cure)
+        return data
+
+    def ratio(self, amplitude: Real) -> Array:
+        return np.asarray(self.slope * np.asarray(amplitude, dtype=float) ** self.exponent)  # eq 18
+
+    def coefficient(self, natural_frequency: float) -> float:
+        """Return c of the damping acceleration -c |v|^p v; for p = 1 it is b = 3 pi alpha / 4, eqs 14 and 19."""
+        alpha, p, w = self.slope, self.exponent, natural_frequency
+        return 2.0 * alpha * w ** (1.0 - p) / describing_function_factor(p)
+
+    def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
+        return np.asarray(-self.coefficient(natural_frequency) * np.abs(velocity) ** self.exponent * velocity)  # eq 14
+
+    def amplitude(self, ratio: Real) -> Array:
+        return np.asarray((np.asarray(ratio, dtype=float) / self.slope) ** (1.0 / self.exponent))
+
+
+class TableDamping(_Law):
+    """Tested or computed damping against amplitude, interpolated monotonically (PCHIP), never extrapolated."""
+
+    law: Literal["table"] = "table"
+    tested_amplitude: Annotated[
+        Array, Quantity("m", "A", "slosh-mass displacement amplitudes, increasing", least=0.0, sequence=True)
+    ] = Field(alias="amplitude")
+    tested_ratio: Annotated[
+        Array, Quantity("1", "xi", "damping ratios", least=0.0, most=MOST_DAMPING, sequence=True, hint=_HINT)
+    ] = Field(alias="ratio")
+    file: str | None = Field(default=None, description="CSV file with columns amplitude and ratio, units in the header")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        A, xi = self.tested_amplitude, self.tested_ratio
+        if len(A) != len(xi):
+            raise _error("ratio", f"has {len(xi)} values for {len(A)} amplitudes", "give one ratio for each amplitude")
+        if len(A) < 2:
+            raise _error("amplitude", f"has {len(A)} row", 'give at least two, or use law = "constant"')
+        if np.any(np.diff(A) <= 0.0):
+            k = int(np.argmax(np.diff(A) <= 0.0))
+            raise _error("amplitude", f"must increase, but {A[k + 1]:g} m follows {A[k]:g} m", "sort the rows")
+        return self
+
+    @property
+    def largest_amplitude(self) -> float:
+        return float(self.tested_amplitude[-1])
+
+    @property
+    def smallest_amplitude(self) -> float:
+        return float(self.tested_amplitude[0])
+
+    @functools.cached_property
+    def _curve(self) -> "PchipInterpolator":
+        from scipy.interpolate import PchipInterpolator  # 0.3 s: only when a table is used
+
+        return PchipInterpolator(self.tested_amplitude, self.tested_ratio, extrapolate=False)
+
+    @functools.cached_property
+    def _force(self) -> "PchipInterpolator":
+        """h(u)/w of the force h(|v|) v against u/w: N(V) = 2 w f(V/w) makes it free of w."""
+        from scipy.interpolate import PchipInterpolator  # as above
+
+        if self.smallest_amplitude > 0.0:
+            raise OutsideValidity(
+                f"the damping table starts at {self.smallest_amplitude:g} m, so the force at smaller velocities is "
+                "unknown. Cure: add a row at 0 m"
+            )
+        A = self.tested_amplitude
+        between = np.linspace(0.0, 1.0, 64)[:-1]
+        nodes = np.append((A[:-1, None] + np.diff(A)[:, None] * between).ravel(), A[-1])
+        f, slope = self._curve, self._curve.derivative()
+        force = invert_describing_function(
+            lambda a: 2.0 * f(np.minimum(a, A[-1])), lambda a: 2.0 * slope(np.minimum(a, A[-1])), nodes[1:], A
+        )
+        return PchipInterpolator(nodes, np.append(2.0 * f(0.0), force), extrapolate=False)
+
+    def ratio(self, amplitude: Real) -> Array:
+        return np.asarray(self._curve(amplitude))
+
+    def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
+        w, v = natural_frequency, np.asarray(velocity)
+        return np.asarray(-w * self._force(np.abs(v) / w) * v)
+
+    def amplitude(self, ratio: Real) -> Array:
+        return np.vectorize(self._amplitude, otypes=[float])(ratio)
+
+    def _amplitude(self, ratio: float) -> float:
+        if self.tested_ratio[-1] < ratio:
+            return np.nan
+        roots = self._curve.solve(ratio, extrapolate=False)
+        below = [k for k, xi in enumerate(self.tested_ratio) if xi < ratio]
+        if not below:
+            return self.smallest_amplitude
+        return float(roots[np.isfinite(roots) & (roots > self.tested_amplitude[below[-1]])][0])
+
+
+class SumDamping(_Law):
+    """Several dampers at work together, such as a smooth wall and a baffle: ratios and forces add."""
+
+    law: Literal["sum"] = "sum"
+    of: tuple[Annotated[ConstantDamping | PowerDamping | TableDamping, Field(discriminator="law")], ...] = Field(
+        min_length=1
+    )
+
+    @property
+    def largest_amplitude(self) -> float:
+        return min(law.largest_amplitude for law in self.of)
+
+    @property
+    def smallest_amplitude(self) -> float:
+        return max(law.smallest_amplitude for law in self.of)
+
+    def ratio(self, amplitude: Real) -> Array:
+        return np.asarray(sum(law.ratio(amplitude) for law in self.of))
+
+    def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
+        return np.asarray(sum(law.acceleration(velocity, natural_frequency) for law in self.of))
+
+    def amplitude(self, ratio: Real) -> Array:
+        return np.vectorize(self._amplitude, otypes=[float])(ratio)
+
+    def _amplitude(self, ratio: float) -> float:
+        """Search downwards from where the sum suffices to the last amplitude where it does not."""
+        from scipy.optimize import brentq  # 0.3 s: only when an inverse of a sum is wanted
+
+        low, high = self.smallest_amplitude, self.largest_amplitude
+        if np.isinf(high):
+            if all(isinstance(law, ConstantDamping) for law in self.of):
+                return 0.0 if float(self.ratio(0.0)) >= ratio else np.inf
+            high = 1.0
+            while float(self.ratio(high)) < ratio:  # a power law grows without bound, so this ends
+                high *= 2.0
+        elif float(self.ratio(high)) < ratio:
+            return np.nan
+        knots = [law.tested_amplitude for law in self.of if isinstance(law, TableDamping)]
+        A = np.unique(np.clip(np.concatenate([np.linspace(low, high, 513), *knots]), low, high))
+        short = np.flatnonzero(self.ratio(A) < ratio)
+        if len(short) == 0:
+            return low
+        k = int(short[-1])
+        return float(brentq(lambda a: float(self.ratio(a)) - ratio, A[k], A[k + 1], xtol=1e-14, rtol=1e-14))
+
+
+AnyDamping = Annotated[ConstantDamping | PowerDamping | TableDamping | SumDamping, Field(discriminator="law")]
+
+
+def small_amplitude_ratio(law: DampingLaw) -> float:
+    """Return xi at the smallest amplitude that the law supports: 0 m for a formula, the first row of a table."""
+    return float(law.ratio(law.smallest_amplitude))
+
+
+def ratios(laws: Sequence[DampingLaw], amplitudes: Array) -> Array:
+    """Return each law's xi at its own amplitude; `amplitudes` has the laws on its last axis."""
+    return np.stack([law.ratio(amplitudes[..., j]) for j, law in enumerate(laws)], axis=-1)
+
+
+def _error(key: str, rule: str, cure: str) -> PydanticCustomError:
+    return PydanticCustomError("quantity", "{rule}. Cure: {cure}.", {"key": key, "rule": rule, "cure": cure})
