@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pint
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 Real = float | Array
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -245,11 +246,11 @@ class Quantity:
         from_file = bool(info.context and info.context.get("file"))
         if self.sequence:
             if isinstance(value, str) or not np.iterable(value):
-                raise _error("must be a list", f"write [{example(self.unit)}, ...]")
+                raise refusal((), "must be a list", f"write [{example(self.unit)}, ...]")
             read = np.array([self._one(v, from_file) for v in value], dtype=float)
         elif isinstance(value, np.ndarray) and not from_file:
             if value.dtype.kind not in "iuf":
-                raise _error(f"is an array of {value.dtype}", "give an array of real numbers in SI units")
+                raise refusal((), f"is an array of {value.dtype}", "give an array of real numbers in SI units")
             read = np.asarray(value, dtype=float).copy()
         else:
             single = self._one(value, from_file)
@@ -264,14 +265,14 @@ class Quantity:
             try:
                 return parse(value, self.unit)
             except UnitError as error:
-                raise _error(error.rule, error.cure) from None
+                raise refusal((), error.rule, error.cure) from None
         if isinstance(value, bool | complex) or not isinstance(value, int | float | np.integer | np.floating):
-            raise _error("is not a number", f"write {example(self.unit)}")
+            raise refusal((), "is not a number", f"write {example(self.unit)}")
         if not math.isfinite(value):
-            raise _error("must be finite", f"write {example(self.unit)}")
+            raise refusal((), "must be finite", f"write {example(self.unit)}")
         if from_file and self.unit != "1":
             unit = {"rad/s": "rad/s or Hz", "rad": "deg or rad"}.get(self.unit, self.unit)
-            raise _error("has no unit", f'write it with its unit, as in "{value} {unit.split()[0]}" ({unit})')
+            raise refusal((), "has no unit", f'write it with its unit, as in "{value} {unit.split()[0]}" ({unit})')
         return float(value)
 
     def _check(self, value: Real) -> None:
@@ -281,8 +282,9 @@ class Quantity:
         bad |= self.below is not None and not np.all(value < self.below)
         bad |= self.most is not None and not np.all(value <= self.most)
         if bad:
-            raise _error(self.rule, self.hint or f"write {example(self.unit)} or the like")
+            raise refusal((), self.rule, self.hint or f"write {example(self.unit)} or the like")
 
 
-def _error(rule: str, cure: str) -> PydanticCustomError:
-    return PydanticCustomError("quantity", "{rule}. Cure: {cure}.", {"rule": rule, "cure": cure})
+def refusal(key: tuple[str | int, ...], rule: str, cure: str) -> PydanticCustomError:
+    """Return the error a noun's own check raises; `key` is the field below the noun that breaks the rule."""
+    return PydanticCustomError("quantity", "{rule}. Cure: {cure}.", {"key": key, "rule": rule, "cure": cure})

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from sloshpy.damping.describing_function import describing_function_factor, invert_describing_function
 from sloshpy.errors import OutsideValidity
-from sloshpy.units import Array, Quantity, Real, UnitError, parse
+from sloshpy.units import Array, Quantity, Real, UnitError, parse, refusal
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
@@ -102,9 +101,9 @@ class PowerDamping(_Law):
             try:
                 return data | {"slope": parse(slope, f"1/m^{p:g}" if p != 1 else "1/m")}
             except UnitError as error:
-                raise _error("slope", error.rule, error.cure if p == 1 else cure) from None
+                raise refusal(("slope",), error.rule, error.cure if p == 1 else cure) from None
         if info.context and info.context.get("file"):
-            raise _error("slope", "has no unit" if isinstance(slope, int | float) else "is not a number", cure)
+            raise refusal(("slope",), "has no unit" if isinstance(slope, int | float) else "is not a number", cure)
         return data
 
     def ratio(self, amplitude: Real) -> Array:
@@ -138,12 +137,12 @@ class TableDamping(_Law):
     def _consistent(self) -> Self:
         A, xi = self.tested_amplitude, self.tested_ratio
         if len(A) != len(xi):
-            raise _error("ratio", f"has {len(xi)} values for {len(A)} amplitudes", "give one ratio for each amplitude")
+            raise refusal(("ratio",), f"has {len(xi)} values for {len(A)} amplitudes", "give one ratio for each amplitude")
         if len(A) < 2:
-            raise _error("amplitude", f"has {len(A)} row", 'give at least two, or use law = "constant"')
+            raise refusal(("amplitude",), f"has {len(A)} row", 'give at least two, or use law = "constant"')
         if np.any(np.diff(A) <= 0.0):
             k = int(np.argmax(np.diff(A) <= 0.0))
-            raise _error("amplitude", f"must increase, but {A[k + 1]:g} m follows {A[k]:g} m", "sort the rows")
+            raise refusal(("amplitude",), f"must increase, but {A[k + 1]:g} m follows {A[k]:g} m", "sort the rows")
         return self
 
     @property
@@ -257,7 +256,3 @@ def small_amplitude_ratio(law: DampingLaw) -> float:
 def ratios(laws: Sequence[DampingLaw], amplitudes: Array) -> Array:
     """Return each law's xi at its own amplitude; `amplitudes` has the laws on its last axis."""
     return np.stack([law.ratio(amplitudes[..., j]) for j, law in enumerate(laws)], axis=-1)
-
-
-def _error(key: str, rule: str, cure: str) -> PydanticCustomError:
-    return PydanticCustomError("quantity", "{rule}. Cure: {cure}.", {"key": key, "rule": rule, "cure": cure})

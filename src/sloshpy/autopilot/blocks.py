@@ -1,0 +1,81 @@
+"""The forward path as a chain of state-space blocks, for eigenvalues and for the time domain."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sloshpy.autopilot.autopilot import Actuator, Autopilot, Filter
+from sloshpy.units import Array
+
+PADE_ORDER = 8  # orders 1 to 4 give wrong verdicts with bending modes; from 6 on none was found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A single-input single-output system x' = A x + B u, y = C x + D u, one kind of states."""
+
+    kind: str  # "filter", "delay" or "actuator"
+    A: Array  # (..., k, k)
+    B: Array  # (..., k)
+    C: Array  # (..., k)
+    D: Array  # (...)
+
+
+def filter_block(filter_: Filter) -> Block:
+    """Return a filter in controllable canonical form, its frequency scaled so that the entries are of one size."""
+    b, a = np.array(filter_.numerator) / filter_.denominator[0], np.array(filter_.denominator) / filter_.denominator[0]
+    k = len(a) - 1
+    b = np.concatenate([np.zeros(len(a) - len(b)), b])
+    w = max((abs(a[i]) ** (1.0 / i) for i in range(1, k + 1)), default=1.0) or 1.0
+    scale = w ** -np.arange(k + 1.0)
+    b, a = b * scale, a * scale  # in s/w
+    A = np.zeros((k, k))
+    if k:
+        A[0], A[1:, :-1] = -a[1:], np.eye(k - 1)
+    return Block(kind="filter", A=w * A, B=w * np.eye(k)[:, 0] if k else np.zeros(0), C=b[1:] - b[0] * a[1:], D=b[0])
+
+
+def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:
+    """Return the diagonal Pade approximation of a delay in s, shape (...), as a cascade of all-pass sections.
+
+    A cascade of second-order sections keeps its accuracy where one polynomial's coefficients spread over ten decades.
+    """
+    k = np.arange(order + 1)
+    coefficients = [math.comb(order, int(i)) * math.factorial(2 * order - int(i)) / math.factorial(order) for i in k]
+    poles = np.roots(coefficients[::-1])  # of the denominator; the numerator's are their mirror images
+    poles = poles[poles.imag > 0.0]
+    A, B, C = np.zeros((order, order)), np.zeros(order), np.zeros(order)
+    D = 1.0
+    for i, p in enumerate(poles):
+        a1, a0 = -2.0 * p.real, abs(p) ** 2  # (x^2 - a1 x + a0) / (x^2 + a1 x + a0) = 1 - 2 a1 x / (...)
+        rows = slice(2 * i, 2 * i + 2)
+        a, b, c = np.array([[0.0, 1.0], [-a0, -a1]]), np.array([0.0, 1.0]), np.array([0.0, -2.0 * a1])
+        A[rows, : 2 * i], A[rows, rows], B[rows] = np.outer(b, C[: 2 * i]), a, b * D
+        C[rows] = c
+    rate = 1.0 / np.asarray(delay, dtype=float)[..., None]
+    return Block(
+        kind="delay",
+        A=rate[..., None] * A,
+        B=rate * B,
+        C=np.broadcast_to(C, (*rate.shape[:-1], order)),
+        D=np.ones(rate.shape[:-1]),
+    )
+
+
+def actuator_block(actuator: Actuator) -> Block:
+    """Return the second-order actuator; its states are angle over w and rate over w^2."""
+    w, zeta = actuator.frequency, actuator.damping
+    A = np.array([[0.0, w], [-w, -2.0 * zeta * w]])
+    return Block(kind="actuator", A=A, B=np.array([0.0, w]), C=np.array([1.0, 0.0]), D=np.array(0.0))
+
+
+def series_blocks(autopilot: Autopilot) -> list[Block]:
+    """Return the blocks from the gain's output to the engine angle in signal order; a zero delay is no block."""
+    blocks = [filter_block(f) for f in autopilot.filter]
+    if np.any(np.asarray(autopilot.delay) > 0.0):
+        # a batch may hold zero delays: a picosecond is none, and keeps the shape
+        blocks.append(delay_block(np.maximum(autopilot.delay, 1e-12)))
+    if autopilot.actuator is not None:
+        blocks.append(actuator_block(autopilot.actuator))
+    return blocks

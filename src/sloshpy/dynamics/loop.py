@@ -1,0 +1,103 @@
+"""The loop, broken at the engine command: plant, autopilot and one slosh damping for each tank.
+
+            +--------------------------------------------------------------+
+            |                                                              |
+    L(s) = -|  a0 phi + a1 phi' <-- plant <-- beta <-- actuator <-- delay <-- filters <-- gain
+                                                    ^ broken here
+
+L(s) has the negative-feedback sign: the critical point is -1, that is 0 dB at -180 deg.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sloshpy.autopilot import Autopilot
+from sloshpy.case import Case
+from sloshpy.damping import small_amplitude_ratio
+from sloshpy.dynamics.plant import Plant, plant, without_drift
+from sloshpy.units import Array, Real
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """One loop, or a batch of loops whose leading axes broadcast.
+
+    plant: without drift. autopilot: gains may carry the batch's axes. damping: (..., n_tanks), slosh damping ratios.
+    """
+
+    plant: Plant
+    autopilot: Autopilot
+    damping: Array
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the batch, () for one loop."""
+        a = self.autopilot
+        return np.broadcast_shapes(
+            self.plant.mass.shape[:-2],
+            self.damping.shape[:-1],
+            *(np.shape(x) for x in (a.attitude_gain, a.rate_gain, a.gain, a.delay)),
+        )
+
+    def along(self) -> "Loop":
+        """Return the loop with a new last batch axis of length one, along which frequencies or poles run."""
+        return self._mapped(lambda x, own: np.expand_dims(x, x.ndim - own))
+
+    def take(self, index: Array) -> "Loop":
+        """Return loops picked from the flattened batch; `index` holds integers of any shape."""
+        batch = self.batch
+        chosen = np.asarray(index, dtype=int)
+
+        def pick(x: Array, own: int) -> Array:
+            inner = x.shape[x.ndim - own :]
+            if x.shape == inner:
+                return x
+            return np.broadcast_to(x, batch + inner).reshape((-1, *inner))[chosen]
+
+        return self._mapped(pick)
+
+    def _mapped(self, change: Any) -> "Loop":
+        """Apply a change of the batch axes to every array; `own` is the number of axes that are not the batch's."""
+        p, a = self.plant, self.autopilot
+        gains = {k: np.asarray(getattr(a, k)) for k in ("attitude_gain", "rate_gain", "gain", "delay")}
+        return replace(
+            self,
+            plant=replace(
+                p,
+                mass=change(p.mass, 2),
+                damping=change(p.damping, 2),
+                stiffness=change(p.stiffness, 2),
+                force=change(p.force, 1),
+                tank_mass=change(p.tank_mass, 1),
+                tank_frequency=change(p.tank_frequency, 1),
+            ),
+            autopilot=a.model_copy(update={k: change(x, 0) if x.ndim else x for k, x in gains.items()}),
+            damping=change(self.damping, 1),
+        )
+
+
+def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = None) -> Loop:
+    """Return the loop of a case at given slosh damping.
+
+    Args:
+        case: vehicle and autopilot; their fields may carry leading axes.
+        damping: slosh damping ratios, one for all tanks or (..., n_tanks).
+        amplitude: slosh amplitudes in m at which each tank's law is read (same shapes); default: small amplitude.
+    """
+    n = len(case.vehicle.tanks)
+    laws = [tank.damping for tank in case.vehicle.tanks]
+    if damping is None and amplitude is None:
+        xi = np.array([small_amplitude_ratio(law) for law in laws])
+    elif damping is not None:
+        xi = _per_tank(damping, n)
+    else:
+        A = _per_tank(amplitude if amplitude is not None else 0.0, n)
+        xi = np.stack([law.ratio(A[..., j]) for j, law in enumerate(laws)], axis=-1) if n else A
+    return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
+
+
+def _per_tank(value: Real, n: int) -> Array:
+    array = np.asarray(value, dtype=float)
+    return np.full(n, array) if array.ndim == 0 else array

@@ -1,0 +1,270 @@
+"""Poles of the loop: finite eigenvalues, polished on the exact characteristic function, named by participation."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sloshpy.autopilot import series_blocks
+from sloshpy.autopilot.transfer import forward_fraction
+from sloshpy.dynamics.loop import Loop
+from sloshpy.dynamics.plant import slosh_damping, state_space
+from sloshpy.units import Array, ComplexArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Poles:
+    """Poles of one loop, least damped first; of a conjugate pair the upper one stands for both.
+
+    value: rad/s. name, kind, tank: what takes part most in each: "LOX slosh", "slosh", "LOX".
+    participation: shares of the groups named in `groups` in each mode, rows sum to 1.
+    drift_poles: neutral poles at the origin that were removed by structure.
+    """
+
+    value: ComplexArray
+    name: tuple[str, ...]
+    kind: tuple[str, ...]
+    tank: tuple[str | None, ...]
+    groups: tuple[str, ...]
+    participation: Array
+    drift_poles: int
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole that is not drift lies in the left half-plane."""
+        return bool(np.all(np.isfinite(self.value)) and np.all(self.value.real < 0.0))
+
+
+def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
+    """Return A, B, C, D of the forward path from a0 phi + a1 phi' to beta, and the group of each state."""
+    batch = loop.batch
+    A, B, C = np.zeros((*batch, 0, 0)), np.zeros((*batch, 0)), np.zeros((*batch, 0))
+    D = np.broadcast_to(np.asarray(loop.autopilot.gain, dtype=float), batch)
+    groups: list[str] = []
+    for i, block in enumerate(series_blocks(loop.autopilot)):
+        k, old = block.B.shape[-1], A.shape[-1]
+        grown = np.zeros((*batch, old + k, old + k))
+        grown[..., :old, :old] = A
+        grown[..., old:, :old] = block.B[..., :, None] * C[..., None, :]
+        grown[..., old:, old:] = block.A
+        B = np.concatenate([B, block.B * D[..., None]], axis=-1)
+        C = np.concatenate([block.D[..., None] * C, np.broadcast_to(block.C, (*batch, k))], axis=-1)
+        A, D = grown, block.D * D
+        groups += [f"{block.kind} {i + 1}" if block.kind == "filter" else block.kind] * k
+    return A, B, C, D, groups
+
+
+def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
+    """Return the state matrix of the loop, shape (..., N, N), closed or broken at the engine, and its state groups."""
+    A_p, B_p, C_p = state_space(loop.plant, loop.damping)
+    a = loop.autopilot
+    A_c, B_c, C_c, D_c, groups = controller(loop)
+    batch, n, k = loop.batch, A_p.shape[-1], A_c.shape[-1]
+    sensed = np.asarray(a.attitude_gain)[..., None] * C_p[0] + np.asarray(a.rate_gain)[..., None] * C_p[1]
+    sensed = np.broadcast_to(sensed, (*batch, n))
+    A = np.zeros((*batch, n + k, n + k))
+    A[..., :n, :n] = A_p
+    A[..., n:, n:] = A_c
+    A[..., n:, :n] = B_c[..., :, None] * sensed[..., None, :]
+    if closed:
+        A[..., :n, :n] += B_p[..., :, None] * (D_c[..., None] * sensed)[..., None, :]
+        A[..., :n, n:] = B_p[..., :, None] * C_c[..., None, :]
+    plant_groups = ["rigid body"] * loop.plant.first_tank + [f"{tank} slosh" for tank in loop.plant.tanks]
+    return A, plant_groups * 2 + groups
+
+
+def characteristic_matrix(loop: Loop, s: ComplexArray, closed: bool = True) -> tuple[ComplexArray, ComplexArray]:
+    """Return T(s) with det T(s) = 0 at the loop's exact poles, delay included, and dT/ds.
+
+    T is the dynamic stiffness of the plant bordered by the forward path n(s)/d(s):
+
+        [ D(s)                       -b   ] [q   ]
+        [ -n(s) (a0 + s a1) attitude  d(s)] [beta] = 0
+
+    It is entire in s, so that no pole of the broken loop needs care. `s` broadcasts with the loop's batch.
+    """
+    p, a = loop.plant, loop.autopilot
+    n = p.mass.shape[-1]
+    s = np.asarray(s, dtype=complex)
+    S = s[..., None, None]
+    diagonal = np.arange(n)[p.slosh]
+    slosh = slosh_damping(p, loop.damping)
+    top, bottom, dtop, dbottom = forward_fraction(a, s)
+    a0, a1 = np.asarray(a.attitude_gain), np.asarray(a.rate_gain)
+    shape = np.broadcast_shapes(s.shape, loop.batch)
+    T, dT = np.zeros((*shape, n + 1, n + 1), dtype=complex), np.zeros((*shape, n + 1, n + 1), dtype=complex)
+    T[..., :n, :n] = S * S * p.mass + S * p.damping + p.stiffness
+    dT[..., :n, :n] = 2.0 * S * p.mass + p.damping
+    T[..., diagonal, diagonal] += s[..., None] * slosh
+    dT[..., diagonal, diagonal] += slosh
+    T[..., n, n], dT[..., n, n] = bottom, dbottom
+    if closed:
+        T[..., :n, n] = -p.force
+        T[..., n, :n] = -(top * (a0 + s * a1))[..., None] * p.attitude
+        dT[..., n, :n] = -(dtop * (a0 + s * a1) + top * a1)[..., None] * p.attitude
+    return T, dT
+
+
+def polish(loop: Loop, s: ComplexArray, closed: bool = True) -> ComplexArray:
+    """Return roots of det T(s) = 0 near the given ones by Newton's method; nan where it does not converge.
+
+    The Newton step of a determinant is 1 / trace(T^-1 dT/ds).
+    """
+    s = np.array(s, dtype=complex)
+    converged = np.zeros(s.shape, dtype=bool)
+    scale = np.maximum(np.abs(s), 1e-3)  # rad/s: a pole closer to the origin than this is judged absolutely
+    for _ in range(30):
+        T, dT = characteristic_matrix(loop, s, closed)
+        with np.errstate(all="ignore"):
+            try:
+                trace = np.trace(np.linalg.solve(T, dT), axis1=-2, axis2=-1)
+            except np.linalg.LinAlgError:  # exactly on a root somewhere: leave it by one rounding
+                s = s * (1.0 + 4e-16) + 1e-300
+                continue
+            step = np.where(converged, 0.0, 1.0 / trace)
+        step = np.where(np.isfinite(step), step, np.nan)
+        size = np.abs(step) / scale
+        s = s - step * np.minimum(1.0, 0.3 / np.maximum(size, 1e-300))
+        converged |= size < 1e-13
+        if np.all(converged | np.isnan(s)):
+            break
+        converged |= size < 1e-12
+    return np.where(converged | (size < 1e-9), s, np.nan)
+
+
+def closed_loop_eigenvalues(loop: Loop) -> ComplexArray:
+    """Return every closed-loop pole, shape (..., N): exact without delay, else polished from a Pade start.
+
+    Where a delay is present the list also holds the delay's own poles nearest the origin; one that does not converge,
+    or that converges onto another, is left out as nan (it belongs to the approximation, not to the loop).
+    """
+    A, groups = system_matrix(loop)
+    values = np.linalg.eigvals(A).astype(complex)
+    if "delay" not in groups:
+        return values
+    values = polish(loop.along(), values)
+    order = np.argsort(-values.real, axis=-1)
+    values = np.take_along_axis(values, order, axis=-1)
+    apart = np.abs(values[..., :, None] - values[..., None, :])
+    twice = np.tril(apart < 1e-9 * np.abs(values[..., None, :]), k=-1).any(axis=-1)
+    return np.where(twice, np.nan, values)
+
+
+def greatest_growth(loop: Loop) -> Array:
+    """Return the greatest real part of the closed-loop poles, 1/s, shape of the batch."""
+    values = closed_loop_eigenvalues(loop)
+    return np.asarray(np.max(np.where(np.isnan(values), -np.inf, values.real), axis=-1))
+
+
+def unstable_count(loop: Loop, decades: float = 4.0) -> int:
+    """Count closed-loop poles in the right half-plane by encirclement, without an eigenvalue.
+
+    The winding of det T(j omega), which is 1 + L cleared of its denominators, against a polynomial of the same degree
+    whose roots all lie left (argument principle on the exact loop, delay included). The path is halved until no
+    piece turns by more than half a radian.
+
+    Args:
+        loop: one loop, no batch.
+        decades: reach of the path beyond the loop's own frequencies; the winding there is checked to have died out.
+    """
+    scale = np.abs(np.linalg.eigvals(system_matrix(loop, closed=False)[0]))
+    scale = scale[scale > 1e-6 * np.max(scale)]
+    degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
+    degree += 2 * (loop.autopilot.actuator is not None)
+    centre = float(np.exp(np.mean(np.log(scale))))
+    low, high = np.min(scale) * 10.0**-decades, np.max(scale) * 10.0**decades
+    line = loop.along()
+
+    def turned(omega: Array) -> ComplexArray:
+        sign, _ = np.linalg.slogdet(characteristic_matrix(line, 1j * omega)[0])
+        reference = (1j * omega + centre) / np.abs(1j * omega + centre)
+        return np.asarray(sign / reference**degree)
+
+    omega = np.concatenate([[low], np.geomspace(low, high, 400), [high]])[1:-1]
+    omega = np.unique(np.concatenate([omega, scale]))
+    value = turned(omega)
+    for _ in range(60):
+        step = np.angle(value[1:] / value[:-1])
+        wide = np.flatnonzero(np.abs(step) > 0.5)
+        if len(wide) == 0:
+            break
+        middle = 0.5 * (omega[wide] + omega[wide + 1])
+        omega = np.insert(omega, wide + 1, middle)
+        value = np.insert(value, wide + 1, turned(middle))
+    # from the real axis at omega -> 0 to the real axis at infinity: whole half turns
+    ends = np.angle(value[0] ** 2) / 2.0, np.angle(value[-1] ** 2) / 2.0
+    half_turns = (np.sum(np.angle(value[1:] / value[:-1])) + ends[0] - ends[1]) / np.pi
+    return int(np.round(-half_turns))
+
+
+def closed_loop_poles(loop: Loop) -> Poles:
+    """Return the closed-loop poles of one loop with their names, least damped first."""
+    return _named(loop, closed=True)
+
+
+def open_loop_poles(loop: Loop) -> Poles:
+    """Return the poles of one loop broken at the engine, with their names, least damped first."""
+    return _named(loop, closed=False)
+
+
+def _named(loop: Loop, closed: bool) -> Poles:
+    A, groups = system_matrix(loop, closed)
+    if A.ndim != 2:
+        raise ValueError("poles are named for one loop; take one from the batch first")
+    values, right = np.linalg.eig(A)
+    values = values.astype(complex)
+    left = np.linalg.pinv(right, rcond=1e-14)
+    shares = np.abs(right * left.T)  # |participation| of each state (row) in each mode (column)
+    names = tuple(dict.fromkeys(groups))
+    by_group = np.array([[shares[[g == name for g in groups], k].sum() for name in names] for k in range(len(values))])
+    by_group /= by_group.sum(axis=1, keepdims=True)
+    if "delay" in groups:
+        values = polish(loop.along(), values, closed)
+    upper = [k for k in range(len(values)) if values[k].imag >= 0.0 or np.isnan(values[k])]
+    room = {name: groups.count(name) for name in names}
+    chosen = _assign(values, by_group, upper, names, room)
+    listed = [k for k in upper if chosen.get(k) != "delay" or values[k].real >= 0.0]
+    listed.sort(key=lambda k: _damping(values[k]))
+    label = {k: _label(chosen[k], by_group[k], names) for k in listed}
+    tanks = {f"{tank} slosh": tank for tank in loop.plant.tanks}
+    return Poles(
+        value=values[listed],
+        name=tuple(label[k] for k in listed),
+        kind=tuple(_kind(label[k], tanks) for k in listed),
+        tank=tuple(tanks.get(label[k]) for k in listed),
+        groups=names,
+        participation=by_group[listed],
+        drift_poles=loop.plant.drift_poles,
+    )
+
+
+def _assign(values: ComplexArray, by_group: Array, modes: list[int], names: Any, room: dict[str, int]) -> dict[int, str]:
+    """Give each mode the group that takes part most in it, no group more poles than it has states."""
+    room = dict(room)
+    size = {k: 1 if values[k].imag == 0.0 else 2 for k in modes}
+    chosen: dict[int, str] = {}
+    for share, k, g in sorted(((by_group[k, g], k, g) for k in modes for g in range(len(names))), reverse=True):
+        if k not in chosen and room[names[g]] >= size[k]:
+            chosen[k] = names[g]
+            room[names[g]] -= size[k]
+        del share
+    for k in modes:
+        chosen.setdefault(k, names[int(np.argmax(by_group[k]))])
+    return chosen
+
+
+def _label(group: str, shares: Array, names: tuple[str, ...]) -> str:
+    """Return the group, or for an unstable pole of the delay the vehicle's group that takes part most."""
+    if group != "delay":
+        return group
+    return max((share, name) for share, name in zip(shares, names, strict=True) if name != "delay")[1]
+
+
+def _kind(name: str, tanks: dict[str, str]) -> str:
+    if name in tanks:
+        return "slosh"
+    return {"rigid body": "rigid", "actuator": "actuator"}.get(name, "filter")
+
+
+def _damping(value: complex) -> float:
+    return float(-value.real / abs(value)) if value != 0 else 0.0

@@ -1,0 +1,81 @@
+"""The vehicle: a rigid body on vectored thrust with its slosh masses, table 1."""
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from sloshpy.units import Array, Quantity, Real, refusal
+from sloshpy.vehicle.slosh_mass import SloshMass
+
+
+class Vehicle(BaseModel):
+    """A vehicle under thrust, seen in one plane.
+
+        tail                         c.g.                        nose
+         |---- station X ---->        |                           |
+       gimbal ------------------------o---------- m_s ------------->  X, metres forward of the gimbal plane
+         \\ beta                   l = Xcg - X_s, positive behind the c.g.
+          \\ thrust; beta > 0 pushes the tail toward +Z and so turns the nose toward -Z
+
+    Mass, inertia and c.g. include the engines and the sloshing fluid at rest on the axis.
+    Fields may carry leading axes (arrays that broadcast together): a batch of vehicles.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    mass: Annotated[Real, Quantity("kg", "M", "vehicle mass with engines and sloshing fluid", above=0.0)]
+    inertia: Annotated[
+        Real, Quantity("kg*m^2", "I", "pitch-yaw moment of inertia with engines and sloshing fluid", above=0.0)
+    ]
+    cg: Annotated[Real, Quantity("m", "X_cg", "centre of gravity forward of the gimbal", above=0.0)]
+    thrust: Annotated[Real, Quantity("N", "F", "total engine thrust", above=0.0)]
+    vectored_thrust: Annotated[Real, Quantity("N", "R'", "vectored engine thrust; default: thrust", above=0.0)] = Field(
+        default_factory=lambda data: data["thrust"]
+    )
+    drag: Annotated[Real, Quantity("N", "D", "drag", least=0.0)] = 0.0
+    tanks: tuple[SloshMass, ...] = Field(default=(), description="slosh masses, one for each tank")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if np.any(np.asarray(self.vectored_thrust) > self.thrust):
+            raise refusal(("vectored_thrust",), "must be <= thrust", "give the part of the thrust that is gimballed")
+        if np.any(np.asarray(self.drag) >= self.thrust):
+            raise refusal(("drag",), "must be < thrust", "the axial acceleration that drives slosh must be > 0")
+        seen: dict[str, int] = {}
+        for j, tank in enumerate(self.tanks):
+            if tank.name.casefold() in seen:
+                raise refusal(("tanks", j, "name"), f"is the name of tank {seen[tank.name.casefold()] + 1} too", "rename one")
+            seen[tank.name.casefold()] = j
+        share = 1.0 - self.mass_matrix_margin
+        if np.any(share >= 1.0):
+            heaviest = int(np.argmax([np.max(tank.slosh_mass) for tank in self.tanks]))
+            raise refusal(
+                ("tanks", heaviest, "slosh_mass"),
+                f"makes the mass matrix indefinite: m/M + m l^2/I must be < 1 (is {np.max(share):.4g})",
+                "check that mass and inertia include the slosh mass",
+            )
+        return self
+
+    @property
+    def acceleration(self) -> Real:
+        """Axial acceleration a = (F - D)/M, m/s^2; k3 of the paper."""
+        return (self.thrust - self.drag) / self.mass
+
+    def lever(self, tank: SloshMass) -> Real:
+        """Return l = Xcg - X_s in m, positive where the slosh mass is behind the c.g."""
+        return self.cg - tank.station
+
+    @property
+    def mass_matrix_margin(self) -> Array:
+        """Smallest eigenvalue of the scaled slosh mass matrix, shape of the batch: 1 - m/M - m l^2/I for one tank.
+
+        The slosh block left by eliminating Z and phi is 1 - a a' - b b' with a = sqrt(m/M), b = l sqrt(m/I); its least
+        eigenvalue is one minus the greatest of the 2 x 2 Gram matrix of a and b. It must be positive.
+        """
+        M, I = self.mass, self.inertia
+        aa, bb, ab = np.zeros(()), np.zeros(()), np.zeros(())
+        for tank in self.tanks:
+            m, l = tank.slosh_mass, self.lever(tank)
+            aa, bb, ab = aa + m / M, bb + m * l**2 / I, ab + m * l / np.sqrt(M * I)
+        return np.asarray(1.0 - 0.5 * (aa + bb) - np.sqrt(0.25 * (aa - bb) ** 2 + ab**2))
