@@ -55,9 +55,10 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
     sd = s[..., None] * (2.0 * (loop.damping - REFERENCE_DAMPING) * p.tank_frequency)
     if n_tanks == 1:
         closure = 1.0 + sd * Z_a[..., 0]
-        z = z_b / closure
-        y_a = Y_a / closure
-        y_all = y_b - (Y_a * sd * z)[..., 0]
+        with np.errstate(divide="ignore", invalid="ignore"):  # infinite on an undamped pole, as it must be
+            z = z_b / closure
+            y_a = Y_a / closure
+            y_all = y_b - (Y_a * sd * z)[..., 0]
     else:
         matrix = np.eye(n_tanks) + Z_a * sd[..., None, :]
         z = np.linalg.solve(matrix, z_b[..., None])[..., 0]

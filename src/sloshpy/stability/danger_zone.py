@@ -1,0 +1,197 @@
+"""Where along the vehicle a slosh mass destabilises the loop: closed form (eqs 21-23) and any autopilot."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sloshpy.autopilot import Autopilot, forward_transfer
+from sloshpy.case import Case
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.plant import state_space
+from sloshpy.dynamics.poles import characteristic_matrix
+from sloshpy.stability.required_damping import loop_required_damping
+from sloshpy.units import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LEAST_LEAD = np.radians(10.0)  # below this lead the zone shrinks to nothing and then inverts
+MAP_LEVELS = 33  # damping values scanned at each station
+
+
+@dataclass(frozen=True, kw_only=True)
+class DangerZone:
+    """Closed-form danger zone of one tank; distances l = Xcg - X in m, positive behind the c.g.
+
+    aft: a (1 - m/M) / w^2 (eq 23). forward: -I/(M Xcg), the centre of percussion (eq 22). greensite_aft: 0.
+    lead: phase lead of the PD gains less the lag of filters, delay and actuator at the slosh frequency, rad.
+    reason: why the closed form gives no answer here ("" where it does). note: what limits it otherwise.
+    """
+
+    tank: str
+    l: float
+    aft: float
+    forward: float
+    greensite_aft: float
+    lead: float
+    reason: str
+    note: str
+
+    @property
+    def inside(self) -> bool | None:
+        """Whether the slosh mass lies in the zone; None where the closed form is refused."""
+        return None if self.reason else bool(self.forward < self.l < self.aft)
+
+    def __str__(self) -> str:
+        place = {True: "INSIDE", False: "outside", None: "closed form refused:"}[self.inside]
+        zone = f"from {self.aft:.4f} m behind to {-self.forward:.4f} m ahead of the c.g."
+        tail = f" {self.reason}" if self.reason else f" the danger zone {zone}"
+        note = f"\n  {self.note}" if self.note else ""
+        return (
+            f"{self.tank}: l = {self.l:.4g} m, {place}{tail}\n"
+            f"  Greensite: from the c.g. to {-self.forward:.4f} m ahead; "
+            f"lead less lag at the slosh frequency {np.degrees(self.lead):.1f} deg{note}"
+        )
+
+
+def danger_zone(case: Case, tank: int = 0) -> DangerZone:
+    """Return the closed-form danger zone of a tank (eqs 21-23, for any k3 and k4).
+
+    Pole and zero of phi/beta coincide at both bounds; between them PD control destabilises the slosh mode. Derived for
+    one tank under PD control: with more lag than lead at the slosh frequency it is refused.
+    """
+    v = case.vehicle
+    mass = v.tanks[tank]
+    M, I, Xcg, m, w = (float(x) for x in (v.mass, v.inertia, v.cg, mass.slosh_mass, mass.frequency))
+    lead = phase_lead(case.autopilot, w)
+    reason = note = ""
+    if lead <= LEAST_LEAD:
+        reason = (
+            f"lag eats the PD lead at the slosh frequency (lead less lag {np.degrees(lead):.1f} deg, needs more than "
+            "10 deg); read the required damping along the vehicle"
+        )
+    elif len(v.tanks) > 1:
+        note = "several tanks: the closed form is a guideline; read the required damping along the vehicle"
+    elif case.autopilot.filter or case.autopilot.actuator or np.any(np.asarray(case.autopilot.delay)):
+        note = "derived for PD control alone; the map of required damping takes the whole autopilot"
+    return DangerZone(
+        tank=mass.name,
+        l=float(v.lever(mass)),
+        aft=float(v.acceleration) * (1.0 - m / M) / w**2,  # eq 23
+        forward=-I / (M * Xcg),  # eq 22
+        greensite_aft=0.0,
+        lead=lead,
+        reason=reason,
+        note=note,
+    )
+
+
+def phase_lead(autopilot: Autopilot, omega: float) -> float:
+    """Return the lead of the PD gains less the lag of filters, delay and actuator at a frequency, rad."""
+    a0, a1 = float(autopilot.attitude_gain), float(autopilot.rate_gain)
+    one = autopilot.model_copy(update={"filter": (), "actuator": None, "delay": 0.0, "gain": 1.0})
+    parts = [one.model_copy(update={"filter": (f,)}) for f in autopilot.filter]
+    parts += [one.model_copy(update={"actuator": autopilot.actuator})]
+    s = np.array(1j * omega)
+    angles = [float(np.angle(forward_transfer(part, s))) for part in parts]  # each within half a turn
+    return float(np.arctan2(a1 * omega, a0)) + sum(angles) - float(autopilot.delay) * omega
+
+
+@dataclass(frozen=True, kw_only=True)
+class RequiredDampingMap:
+    """Damping that one tank needs at each station of the vehicle, the rest as in the case.
+
+    station: (S,), m forward of the gimbal. required, neutral: (S,), damping ratios; nan where none suffices.
+    departure: (S,), 1/s: real part of the undamped slosh pole's first-order departure per unit of loop gain;
+    positive where the loop destabilises it. zone: the closed form beside it.
+    """
+
+    case: Case
+    tank: str
+    station: Array
+    required: Array
+    neutral: Array
+    departure: Array
+    zone: DangerZone
+
+    def __str__(self) -> str:
+        worst = int(np.nanargmax(np.where(np.isnan(self.required), np.inf, self.required)))
+        need = self.required[worst]
+        text = "no damping suffices" if np.isnan(need) else f"{100.0 * need:.3f} % needed"
+        return f"{self.zone}\n  worst station {self.station[worst]:.3f} m: {text}"
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the map as an xarray Dataset over the station."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {
+                "required": ("station", self.required, {"units": "1"}),
+                "neutral": ("station", self.neutral, {"units": "1"}),
+                "departure": ("station", self.departure, {"units": "1/s"}),
+            },
+            coords={"station": ("station", self.station, {"units": "m"})},
+            attrs={"tank": self.tank},
+        )
+
+
+def required_damping_map(case: Case, tank: int = 0, station: Array | None = None) -> RequiredDampingMap:
+    """Return the required damping and the departure of a tank's slosh mode as its station moves, any autopilot.
+
+    Args:
+        case: one vehicle and autopilot, no batch.
+        tank: number of the tank to move.
+        station: stations in m forward of the gimbal; default: 41 across the closed-form zone and beyond.
+    """
+    v, zone = case.vehicle, danger_zone(case, tank)
+    moved = v.tanks[tank]
+    if station is None:
+        reach = np.sqrt(0.9 * (1.0 - float(moved.slosh_mass) / float(v.mass)) * float(v.inertia) / float(moved.slosh_mass))
+        aft, forward = (float(np.clip(1.2 * l, -reach, reach)) for l in (zone.aft, zone.forward))
+        station = np.unique(np.append(np.linspace(float(v.cg) - aft, float(v.cg) - forward, 41), moved.station))
+    station = np.asarray(station, dtype=float)
+    tanks = [t.model_copy(update={"station": station}) if j == tank else t for j, t in enumerate(v.tanks)]
+    moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
+    if np.any(moved_vehicle.mass_matrix_margin <= 0.0):
+        raise ValueError("a station is so far from the c.g. that the mass matrix is indefinite; give nearer stations")
+    loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}))
+    needed = loop_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
+    return RequiredDampingMap(
+        case=case,
+        tank=moved.name,
+        station=station,
+        required=needed.required,
+        neutral=needed.neutral,
+        departure=departure(loop, tank),
+        zone=zone,
+    )
+
+
+def departure(loop: Loop, tank: int) -> Array:
+    """Return the real part of ds/dk at k = 0 for the undamped slosh pole of a tank, 1/s, k an extra loop gain.
+
+    s = p + k K(p) (a0 + a1 p) r with r the residue of phi/beta at the pole p of the plant:
+    r = (attitude . v)(u . b) / (u . D'(p) v), where D(p) v = 0 and u D(p) = 0. The delay in K is exact.
+    """
+    p = loop.plant
+    j = p.first_tank + tank
+    bare = replace(loop, damping=np.where(np.arange(len(p.tanks)) == tank, 0.0, loop.damping))
+    a0, a1 = np.asarray(loop.autopilot.attitude_gain), np.asarray(loop.autopilot.rate_gain)
+    poles = np.linalg.eigvals(state_space(bare.plant, bare.damping)[0])
+    greatest, rate = np.full(poles.shape[:-1], -np.inf), np.full(poles.shape[:-1], np.nan)
+    for k in range(poles.shape[-1]):
+        s = poles[..., k].astype(complex)
+        T, dT = characteristic_matrix(bare, s, closed=False)
+        D, dD = T[..., :-1, :-1], dT[..., :-1, :-1]
+        left, _, right = np.linalg.svd(D)
+        u, v = np.conj(left[..., :, -1]), np.conj(right[..., -1, :])
+        with np.errstate(divide="ignore", invalid="ignore"):  # the rigid body's double pole at the origin
+            weight = np.einsum("...i,...ij,...j->...", u, dD, v)
+            share = np.abs(u[..., j] * dD[..., j, j] * v[..., j] / weight)
+            residue = np.sum(p.attitude * v, axis=-1) * np.sum(u * p.force, axis=-1) / weight
+            moved = forward_transfer(loop.autopilot, s) * (a0 + a1 * s) * residue
+        better = (s.imag > 0.0) & (share > greatest)  # the pole in which this tank takes part most
+        greatest = np.where(better, share, greatest)
+        rate = np.where(better, moved.real, rate)
+    return rate

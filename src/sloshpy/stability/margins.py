@@ -1,0 +1,236 @@
+"""Every crossing and every minimum of eq 24, each with the mode it belongs to, signed by closed-loop stability."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sloshpy.case import Case, Criteria
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.poles import greatest_growth, unstable_count
+from sloshpy.dynamics.response import transfer
+from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled
+from sloshpy.units import Array, Real
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+RIGID = "rigid body"
+AUDIBLE = np.log(100.0)  # phase crossings beyond +-40 dB are no margins: undamped poles and zeros, wrapped delay
+RELATED_SHARE = 0.5  # a point belongs to a tank whose share is at least this part of the greatest
+
+
+@dataclass(frozen=True, kw_only=True)
+class Points:
+    """Points on the loop's curves: batch axes first, the points of each loop last, filled with nan.
+
+    omega: rad/s. value: what was found there. share: (..., K, n_groups), how the point follows each group:
+    by how many percent the frequency of the degraded, neutral loop rises when the group's frequency rises by 1 %.
+    """
+
+    omega: Array
+    value: Array
+    share: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """Margins of one loop or of a batch; nothing here can be read without `stable`.
+
+    stable: closed-loop stability by poles, shape of the batch. growth: greatest real part of a pole, 1/s.
+    witness: the same by encirclement count, for one loop only (None for a batch); see `trusted`.
+    minima: every local minimum of eq 24, least first. gain_crossings: where |L| = 1, value = phase margin in rad
+    (positive: more lag is needed). phase_crossings: odd multiples of 180 deg, value = gain margin as the ratio 1/|L|,
+    within 40 dB.
+    groups: names of the shares' last axis, the tanks' slosh first, then the rigid body and its controller.
+    """
+
+    stable: Array
+    growth: Array
+    witness: bool | None
+    minima: Points
+    gain_crossings: Points
+    phase_crossings: Points
+    groups: tuple[str, ...]
+    damping: Array
+
+    @property
+    def trusted(self) -> bool:
+        """Whether poles and encirclement count agree, where both were asked."""
+        return self.witness is None or bool(self.witness == self.stable)
+
+    @property
+    def nichols_disc_margin(self) -> Array:
+        """Least disc margin of eq 24, negative where the closed loop is unstable; shape of the batch."""
+        return np.asarray(np.where(self.stable, 1.0, -1.0) * self.minima.value[..., 0])
+
+    def mode(self, points: Points) -> Array:
+        """Return the index of the group each point belongs to, the shape of the points."""
+        return np.asarray(np.argmax(np.where(np.isnan(points.share), -np.inf, points.share), axis=-1))
+
+    def related(self, tank: int) -> Array:
+        """Return which minima are slosh-related for a tank: its share is at least half of the greatest share."""
+        share = self.minima.share
+        with np.errstate(invalid="ignore"):
+            return np.asarray(share[..., tank] >= RELATED_SHARE * np.max(share, axis=-1)) & (share[..., tank] > 0.0)
+
+    def slosh_disc_margin(self, tank: int) -> tuple[Array, Array]:
+        """Return the least disc margin among a tank's minima, signed, and its frequency in rad/s; inf and nan if none."""
+        value = np.where(self.related(tank), self.minima.value, np.inf)
+        k = np.argmin(value, axis=-1)[..., None]
+        least = np.take_along_axis(value, k, axis=-1)[..., 0]
+        omega = np.where(np.isfinite(least), np.take_along_axis(self.minima.omega, k, axis=-1)[..., 0], np.nan)
+        return np.where(self.stable, least, -least), omega
+
+    def __str__(self) -> str:
+        if np.ndim(self.stable):
+            return f"Margins of {np.size(self.stable)} loops, {np.sum(~self.stable)} unstable"
+        head = "stable" if self.stable else f"UNSTABLE, grows at {float(self.growth):.4g} 1/s"
+        lines = [f"{head}; nichols disc margin {float(self.nichols_disc_margin):.4f} (negative: unstable)"]
+        for name, points, unit in (
+            ("disc margin", self.minima, ""),
+            ("gain margin", self.phase_crossings, "dB"),
+            ("phase margin", self.gain_crossings, "deg"),
+        ):
+            for k in np.flatnonzero(np.isfinite(points.omega)):
+                value = points.value[k]
+                value = 20.0 * np.log10(value) if unit == "dB" else np.degrees(value) if unit == "deg" else value
+                group = self.groups[int(self.mode(points)[k])]
+                w = points.omega[k]
+                lines.append(f"  {name:12s} {value:9.4f} {unit:3s} at {w / 2 / np.pi:.4f} Hz ({w:.4f} rad/s), {group}")
+        return "\n".join(lines)
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return minima and crossings as an xarray Dataset with units in the attributes."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        axes = [f"batch_{i}" for i in range(np.ndim(self.stable))]
+        data: dict[str, object] = {
+            "stable": (axes, self.stable),
+            "growth": (axes, self.growth, {"units": "1/s"}),
+            "nichols_disc_margin": (axes, self.nichols_disc_margin, {"units": "1"}),
+        }
+        for name, points, unit in (
+            ("minimum", self.minima, "1"),
+            ("gain_crossing", self.gain_crossings, "rad"),
+            ("phase_crossing", self.phase_crossings, "1"),
+        ):
+            data[f"{name}_omega"] = ([*axes, name], points.omega, {"units": "rad/s"})
+            data[f"{name}_value"] = ([*axes, name], points.value, {"units": unit})
+            data[f"{name}_share"] = ([*axes, name, "group"], points.share, {"units": "1"})
+        return xr.Dataset(data, coords={"group": list(self.groups)})
+
+
+def margins(case: Case, damping: Real | None = None, amplitude: Real | None = None) -> Margins:
+    """Return the margins of a case at given slosh damping or amplitude (default: small amplitude), eq 24.
+
+    Args:
+        case: vehicle, autopilot and criteria; fields may carry leading axes.
+        damping: slosh damping ratios, one for all tanks or (..., n_tanks).
+        amplitude: slosh amplitudes in m, likewise.
+    """
+    return loop_margins(open_loop(case, damping, amplitude), case.criteria)
+
+
+def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
+    """Return the margins of a loop or of a batch of loops; see `margins`."""
+    from scipy.optimize import elementwise  # 0.4 s: only when margins are wanted
+
+    GM, PM = criteria.gain_margin, criteria.phase_margin
+    curves = sampled(loop, GM, PM)
+
+    def squared(omega: Array, index: Array) -> Array:
+        return nichols_disc_margin(transfer(loop.take(index), 1j * omega).loop, GM, PM) ** 2
+
+    def gain(omega: Array, index: Array) -> Array:
+        return np.log(np.abs(transfer(loop.take(index), 1j * omega).loop))
+
+    def phase(omega: Array, index: Array) -> Array:
+        return np.angle(-transfer(loop.take(index), 1j * omega).loop)
+
+    k = _valleys(curves, nichols_disc_margin(curves.loop, GM, PM))
+    owner = curves.index[k]
+    bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
+    found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
+    ratio = curves.loop[1:] / curves.loop[:-1]
+    pairs = curves.pairs()
+    log_gain, angle = np.log(np.abs(curves.loop)), np.angle(-curves.loop)
+    at_gain = pairs[log_gain[pairs] * log_gain[pairs + 1] <= 0.0]
+    turned = angle[pairs] * angle[pairs + 1] <= 0.0
+    at_phase = pairs[turned & (np.abs(angle[pairs + 1] - angle[pairs]) < np.pi) & np.isfinite(ratio[pairs])]
+    roots = []
+    for function, at in ((gain, at_gain), (phase, at_phase)):
+        root = elementwise.find_root(
+            function, (curves.omega[at], curves.omega[at + 1]), args=(curves.index[at],), tolerances={"xrtol": 1e-14}
+        )
+        roots.append((curves.index[at], np.asarray(root.x)))
+    batch = loop.batch
+    growth = greatest_growth(loop)
+    stable = growth < 0.0
+    groups = (*(f"{tank} slosh" for tank in loop.plant.tanks), RIGID)
+    (g_index, g_omega), (p_index, p_omega) = roots
+    m_omega = np.asarray(found.x)
+    heard = np.abs(np.log(np.abs(transfer(loop.take(p_index), 1j * p_omega).loop))) < AUDIBLE
+    p_index, p_omega = p_index[heard], p_omega[heard]
+    at_g = transfer(loop.take(g_index), 1j * g_omega).loop
+    at_p = transfer(loop.take(p_index), 1j * p_omega).loop
+    parts = (
+        (owner, m_omega, np.sqrt(np.maximum(np.asarray(found.f_x), 0.0)), True),
+        (g_index, g_omega, np.angle(-at_g), False),
+        (p_index, p_omega, 1.0 / np.abs(at_p), False),
+    )
+    points = [_padded(batch, i, w, v, _shares(loop, i, w), by_value) for i, w, v, by_value in parts]
+    return Margins(
+        stable=stable,
+        growth=growth,
+        witness=None if batch else unstable_count(loop) == 0,
+        minima=points[0],
+        gain_crossings=points[1],
+        phase_crossings=points[2],
+        groups=groups,
+        damping=loop.damping,
+    )
+
+
+def _valleys(curves: Curves, distance: Array) -> Array:
+    """Return the positions of samples that are not above their neighbours on the same curve."""
+    same = curves.index[1:] == curves.index[:-1]
+    inner = same[1:] & same[:-1]
+    low = (distance[1:-1] <= distance[:-2]) & (distance[1:-1] < distance[2:])
+    return np.flatnonzero(inner & low) + 1
+
+
+def _shares(loop: Loop, index: Array, omega: Array) -> Array:
+    """Return how the neutral frequency at each point follows each tank's frequency, and the remainder, (K, n+1).
+
+    Degrade the loop by a constant k so that k L(jw) = -1: its neutral frequency moves with w_j by
+    d ln w / d ln w_j = -(dL/d ln w_j) / (dL/d ln s). Scaling every frequency and rate scales w, so the shares sum to 1
+    with the rigid body's and its controller's as the remainder.
+    """
+    one, s = loop.take(index), 1j * omega
+    sensitivity = transfer(one, s).sensitivity
+    h = 1e-7  # relative; far inside any resonance of 1e-5 damping, and 1e-9 of rounding
+    slope = (transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tanks = (-sensitivity / slope[..., None]).real
+    return np.concatenate([tanks, 1.0 - np.sum(tanks, axis=-1, keepdims=True)], axis=-1)
+
+
+def _padded(
+    batch: tuple[int, ...], index: Array, omega: Array, value: Array, share: Array, by_value: bool
+) -> Points:
+    """Sort points into their loops, by value or by frequency, and fill up with nan."""
+    order = np.lexsort((value if by_value else omega, index))
+    index, omega, value, share = index[order], omega[order], value[order], share[order]
+    size = int(np.prod(batch))
+    count = np.bincount(index, minlength=size)
+    rank = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+    K = max(int(count.max(initial=0)), 1)
+    out_omega, out_value = np.full((size, K), np.nan), np.full((size, K), np.nan)
+    out_share = np.full((size, K, share.shape[-1]), np.nan)
+    out_omega[index, rank], out_value[index, rank], out_share[index, rank] = omega, value, share
+    return Points(
+        omega=out_omega.reshape(*batch, K),
+        value=out_value.reshape(*batch, K),
+        share=out_share.reshape(*batch, K, share.shape[-1]),
+    )

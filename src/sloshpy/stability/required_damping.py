@@ -1,0 +1,144 @@
+"""Least slosh damping that a tank needs: suprema over damping, never roots (the disc margin is a distance)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sloshpy.case import Case, Criteria
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.poles import greatest_growth
+from sloshpy.stability.margins import loop_margins
+from sloshpy.units import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_RATIO = 1.0  # critical slosh damping: the search ends here
+LEVELS = 57  # damping values scanned, 0 and 1e-5 to 1 in steps of a quarter
+
+
+@dataclass(frozen=True, kw_only=True)
+class RequiredDamping:
+    """Least damping ratios of one tank above which the loop is good; shape of the batch.
+
+    neutral: for every larger damping the loop is stable. required: and the tank's slosh-related disc margin reaches
+    `disc_margin`. 0 where none is needed, nan where none up to critical damping suffices.
+    omega: frequency of the least slosh-related disc margin at the required damping, rad/s.
+    """
+
+    tank: str
+    neutral: Array
+    required: Array
+    omega: Array
+    disc_margin: float
+
+    def __str__(self) -> str:
+        if np.ndim(self.required):
+            return f"Required damping of {self.tank}: {np.size(self.required)} loops"
+        return (
+            f"{self.tank}: neutral at {100.0 * float(self.neutral):.4f} %, disc margin {self.disc_margin:g} from "
+            f"{100.0 * float(self.required):.4f} % on, at {float(self.omega) / 2.0 / np.pi:.4f} Hz"
+        )
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the damping ratios as an xarray Dataset with units in the attributes."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        axes = [f"batch_{i}" for i in range(np.ndim(self.required))]
+        return xr.Dataset(
+            {
+                "neutral": (axes, self.neutral, {"units": "1"}),
+                "required": (axes, self.required, {"units": "1"}),
+                "omega": (axes, self.omega, {"units": "rad/s"}),
+            },
+            attrs={"tank": self.tank, "disc_margin": self.disc_margin},
+        )
+
+
+def required_damping(case: Case, tank: str | int = 0, disc_margin: float | None = None) -> RequiredDamping:
+    """Return the least damping of a tank, the other tanks as in the case at small amplitude.
+
+    Args:
+        case: vehicle, autopilot, criteria; fields may carry leading axes.
+        tank: name or number of the tank.
+        disc_margin: threshold of eq 24; default: the criterion of the case.
+    """
+    names = [t.name for t in case.vehicle.tanks]
+    if tank not in names and tank not in range(len(names)):
+        raise ValueError(f"no tank {tank!r}; this vehicle has {', '.join(names) or 'none'}")
+    j = names.index(tank) if isinstance(tank, str) else int(tank)
+    threshold = case.criteria.disc_margin if disc_margin is None else disc_margin
+    return loop_required_damping(open_loop(case), case.criteria, j, threshold)
+
+
+def loop_required_damping(
+    loop: Loop, criteria: Criteria, tank: int, disc_margin: float, levels: int = LEVELS
+) -> RequiredDamping:
+    """Return the least damping of one tank of a loop or of a batch; see `required_damping`."""
+    batch = loop.batch
+    size = int(np.prod(batch))
+
+    def shortfall(ratio: Array, index: Array) -> tuple[Array, Array]:
+        """Return how far each loop is from stability (growth) and from the threshold (positive: short of it)."""
+        one = _with_ratio(loop, index, tank, ratio)
+        found = loop_margins(one.along(), criteria)
+        margin = found.slosh_disc_margin(tank)[0][..., 0]
+        return found.growth[..., 0], np.asarray(disc_margin - margin)
+
+    grid = np.concatenate([[0.0], np.geomspace(1e-5, MOST_RATIO, levels - 1)])
+    index, ratio = (x.ravel() for x in np.meshgrid(np.arange(size), grid, indexing="ij"))
+    growth, short = (x.reshape(size, levels) for x in shortfall(ratio, index))
+
+    def growing(ratio: Array, index: Array) -> Array:
+        return greatest_growth(_with_ratio(loop, index, tank, ratio))
+
+    def lacking(ratio: Array, index: Array) -> Array:
+        growth, short = shortfall(ratio, index)
+        return np.where(np.isinf(short), -1.0, np.where(growth < 0.0, short, np.maximum(short, disc_margin)))
+
+    neutral = _supremum(growth >= 0.0, grid, growing)
+    required = _supremum((growth >= 0.0) | (short > 0.0), grid, lacking)
+    omega = np.full(size, np.nan)
+    known = np.flatnonzero(np.isfinite(required))
+    if len(known):
+        one = _with_ratio(loop, known, tank, required[known])
+        omega[known] = loop_margins(one.along(), criteria).slosh_disc_margin(tank)[1][..., 0]
+    return RequiredDamping(
+        tank=loop.plant.tanks[tank],
+        neutral=neutral.reshape(batch),
+        required=required.reshape(batch),
+        omega=omega.reshape(batch),
+        disc_margin=disc_margin,
+    )
+
+
+def _with_ratio(loop: Loop, index: Array, tank: int, ratio: Array) -> Loop:
+    """Return loops of the flattened batch, each with its own damping of one tank."""
+    from dataclasses import replace
+
+    one = loop.take(index)
+    damping = np.broadcast_to(one.damping, (*np.shape(ratio), one.damping.shape[-1])).copy()
+    damping[..., tank] = ratio
+    return replace(one, damping=damping)
+
+
+def _supremum(bad: Array, grid: Array, function: Any) -> Array:
+    """Return the greatest damping that is bad, refined between the last bad level and the next; 0 if none, nan if all.
+
+    Args:
+        bad: (size, levels), the verdict on the grid. function: positive where bad, of (ratio, index).
+    """
+    from scipy.optimize import elementwise  # 0.4 s: only when a requirement is wanted
+
+    last = bad.shape[1] - 1 - np.argmax(bad[:, ::-1], axis=1)
+    none, all_ = ~np.any(bad, axis=1), bad[:, -1]
+    result = np.where(none, 0.0, np.nan)
+    rows = np.flatnonzero(~none & ~all_)
+    if len(rows):
+        low, high = grid[last[rows]], grid[last[rows] + 1]
+        found = elementwise.find_root(
+            function, (low, high), args=(rows,), tolerances={"xrtol": 1e-11, "xatol": 1e-13}, maxiter=200
+        )
+        result[rows] = np.where(np.asarray(found.success), found.x, high)
+    return result
