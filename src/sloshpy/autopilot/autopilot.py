@@ -68,3 +68,7 @@ class Autopilot(BaseModel):
         if np.any((np.asarray(self.attitude_gain) == 0.0) & (np.asarray(self.rate_gain) == 0.0)):
             raise refusal(("attitude_gain",), "and rate_gain are both 0: the loop is open", "give at least one gain")
         return self
+
+    def degraded(self, gain: float = 1.0, delay: float = 0.0) -> "Autopilot":
+        """Return the autopilot with an extra loop gain (amplitude ratio) and an extra delay in s."""
+        return self.model_copy(update={"gain": self.gain * gain, "delay": self.delay + delay})

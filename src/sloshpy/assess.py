@@ -1,0 +1,334 @@
+"""The whole review of one case: margins, danger zone, required damping, limit cycles, and one verdict with reasons."""
+
+import json
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sloshpy.case import Case
+from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
+from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle import Cycle, LimitCycle, limit_cycles, predict_limit_cycle
+from sloshpy.stability import DangerZone, Margins, danger_zone, loop_margins
+from sloshpy.stability.margins import Points
+from sloshpy.units import Array, Real
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+HEAVY_SLOSH = 0.05  # mass-matrix margin below which the slosh model itself is doubtful
+
+
+@dataclass(frozen=True, kw_only=True)
+class TankReview:
+    """What was found for one tank; angles in rad, lengths in m, frequencies in rad/s.
+
+    damping_ratio: at which the loop was read. disc_margin, omega: the tank's own, signed; inf and nan where no minimum
+    of the disc margin belongs to it.
+    """
+
+    name: str
+    damping_ratio: float
+    disc_margin: float
+    omega: float
+    zone: DangerZone
+    limit_cycle: LimitCycle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """The review of one case; `reasons` are worst first.
+
+    verdict: "pass", "fail", or "invalid" where the model supports no verdict.
+    cycles: limit cycles of the loop as given; None where one sinusoid predicts none (a reason says so).
+    read_at: how the damping of the loop properties was chosen, in words.
+    """
+
+    case: Case
+    verdict: str
+    reasons: tuple[str, ...]
+    read_at: str
+    poles: Poles
+    margins: Margins
+    tanks: tuple[TankReview, ...]
+    cycles: tuple[Cycle, ...] | None
+
+    def __str__(self) -> str:
+        m, hertz = self.margins, 2.0 * np.pi
+        lines = [f"{self.verdict.upper()}  {self.case.name}", *(f"  - {reason}" for reason in self.reasons), ""]
+        if not m.trusted:
+            return "\n".join(lines[:-1])
+        state = "stable" if m.stable else "UNSTABLE"
+        lines.append(f"Loop ({self.read_at}): {state}, nichols disc margin {float(m.nichols_disc_margin):+.4f}")
+        lines.append(f"  {'mode':20s} {'Hz':>9s} {'rad/s':>9s} {'damping':>10s} {'growth 1/s':>11s}")
+        for value, name in zip(self.poles.value, self.poles.name, strict=True):
+            ratio = -value.real / abs(value) if value else 0.0
+            lines.append(
+                f"  {name:20s} {value.imag / hertz:9.4f} {value.imag:9.4f} {100 * ratio:8.3f} % {value.real:+11.5f}"
+                + (f"  doubles in {math.log(2.0) / value.real:.2f} s" if value.real > 0.0 else "")
+            )
+        for label, points, unit, most in (
+            ("disc margin", m.minima, "", 4.0),
+            ("gain margin", m.phase_crossings, "dB", np.inf),
+            ("phase margin", m.gain_crossings, "deg", np.inf),
+        ):
+            for k in _finite(points):
+                shown = _shown(points.value[k], unit)
+                if shown < most:
+                    w, group = points.omega[k], m.groups[int(m.mode(points)[k])]
+                    lines.append(f"  {label:12s} {shown:9.3f} {unit:3s} at {w / hertz:.4f} Hz ({w:.4f} rad/s)  {group}")
+        lines.append("")
+        for tank in self.tanks:
+            lines += [str(tank.zone), str(tank.limit_cycle)]
+        lines += [str(cycle) for cycle in self.cycles or ()]
+        return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """Return the review as one JSON object in SI units; null where not applicable."""
+        return json.dumps(_plain(self._contract()), indent=1, allow_nan=False)
+
+    def _contract(self) -> dict[str, Any]:
+        m, hertz = self.margins, 2.0 * np.pi
+        loop: dict[str, Any] = dict.fromkeys(("stable", "modes", "disc_margin", "minima", "crossings"))
+        if m.trusted:
+            loop = {
+                "stable": bool(m.stable),
+                "modes": [
+                    {
+                        "name": name,
+                        "kind": kind,
+                        "tank": tank,
+                        "frequency_hz": value.imag / hertz,
+                        "damping_ratio": -value.real / abs(value) if value else 0.0,
+                        "growth_rate": value.real,
+                        "time_to_double": math.log(2.0) / value.real if value.real > 0.0 else None,
+                    }
+                    for value, name, kind, tank in zip(
+                        self.poles.value, self.poles.name, self.poles.kind, self.poles.tank, strict=True
+                    )
+                ],
+                "disc_margin": {
+                    "value": float(m.nichols_disc_margin),
+                    "frequency_hz": m.minima.omega[0] / hertz,
+                    "mode": m.groups[int(m.mode(m.minima)[0])],
+                },
+                "minima": [
+                    {"disc_margin": v, "frequency_hz": w / hertz, "mode": group}
+                    for w, v, group in _listed(m, m.minima)
+                ],
+                "crossings": [
+                    {"kind": "gain", "frequency_hz": w / hertz, "margin_db": None, "margin_deg": _shown(v, "deg"), "mode": g}
+                    for w, v, g in _listed(m, m.gain_crossings)
+                ]
+                + [
+                    {"kind": "phase", "frequency_hz": w / hertz, "margin_db": _shown(v, "dB"), "margin_deg": None, "mode": g}
+                    for w, v, g in _listed(m, m.phase_crossings)
+                ],
+            }
+        cycles = None
+        if self.cycles is not None:
+            cycles = [
+                {
+                    "frequency_hz": cycle.omega / hertz,
+                    "slosh_amplitude_m": cycle.slosh_amplitude,
+                    "tvc_amplitude_rad": cycle.tvc_amplitude,
+                    "stable": cycle.stable,
+                }
+                for cycle in self.cycles
+            ]
+        head = {"name": self.case.name, "verdict": self.verdict, "reasons": list(self.reasons)}
+        tanks = [_tank(tank, m.trusted) for tank in self.tanks]
+        return head | loop | {"tanks": tanks, "limit_cycles": cycles}
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the margins of the review as an xarray Dataset; verdict and reasons are its attributes."""
+        return self.margins.to_dataset().assign_attrs(
+            case=self.case.name, verdict=self.verdict, reasons=list(self.reasons)
+        )
+
+
+def assess(case: Case, damping: Real | None = None, amplitude: Real | None = None) -> Assessment:
+    """Review one case by the paper's method and return the verdict with everything it rests on.
+
+    Loop properties (poles, margins, crossings) hold at the given damping or amplitude, by default at each tank's small
+    amplitude; required damping and limit cycles come from each tank's law.
+
+    Args:
+        case: one vehicle with at least one tank, its autopilot and criteria.
+        damping: slosh damping ratios, one for all tanks or one for each.
+        amplitude: slosh amplitudes in m, likewise.
+
+    Raises:
+        OutsideValidity: an amplitude beyond a tank's damping data, where the loop has no known damping.
+    """
+    if not case.vehicle.tanks:
+        raise ValueError("no tank: there is no slosh to assess")
+    loop = open_loop(case, damping, amplitude)
+    if np.any(np.isnan(loop.damping)):
+        names = [t.name for t, xi in zip(case.vehicle.tanks, loop.damping, strict=True) if np.isnan(xi)]
+        raise OutsideValidity(f"the amplitude is outside the damping data of {', '.join(names)}")
+    found, poles = loop_margins(loop, case.criteria), closed_loop_poles(loop)
+    tanks = tuple(_review(case, j, loop.damping, found) for j in range(len(case.vehicle.tanks)))
+    cycles: tuple[Cycle, ...] | None = None
+    unsupported = ""
+    try:
+        cycles = limit_cycles(case)
+    except OutsideValidity as error:
+        unsupported = str(error)
+    verdict, reasons = _verdict(case, found, poles, tanks, cycles, unsupported)
+    return Assessment(
+        case=case,
+        verdict=verdict,
+        reasons=reasons,
+        read_at=_read_at(case, loop.damping, damping, amplitude),
+        poles=poles,
+        margins=found,
+        tanks=tanks,
+        cycles=cycles,
+    )
+
+
+def _review(case: Case, tank: int, damping: Array, found: Margins) -> TankReview:
+    margin, omega = found.slosh_disc_margin(tank)
+    return TankReview(
+        name=case.vehicle.tanks[tank].name,
+        damping_ratio=float(damping[tank]),
+        disc_margin=float(margin),
+        omega=float(omega),
+        zone=danger_zone(case, tank),
+        limit_cycle=predict_limit_cycle(case, tank),
+    )
+
+
+def _verdict(
+    case: Case,
+    found: Margins,
+    poles: Poles,
+    tanks: tuple[TankReview, ...],
+    cycles: tuple[Cycle, ...] | None,
+    unsupported: str,
+) -> tuple[str, tuple[str, ...]]:
+    """Return the verdict and its reasons: no verdict, failures, cautions, then what was met."""
+    criteria = case.criteria
+    invalid: list[str] = []
+    failed: list[str] = []
+    cautions: list[str] = []
+    met: list[str] = []
+    if not found.trusted:
+        invalid.append("WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given")
+    for value, name, kind in zip(poles.value, poles.name, poles.kind, strict=True):
+        if kind != "slosh" and not value.real < 0.0:
+            failed.append(f"{name} mode is unstable: it grows at {value.real:.4g} 1/s")
+    shared = np.any([found.related(j) for j in range(len(tanks))], axis=0)
+    other = np.where(shared, np.inf, np.where(np.isfinite(found.minima.value), found.minima.value, np.inf))
+    least = float(np.min(other))
+    if least < criteria.disc_margin:
+        where = found.minima.omega[int(np.argmin(other))] / (2.0 * np.pi)
+        failed.append(f"rigid body: disc margin {least:.3f} at {where:.4f} Hz, needs {criteria.disc_margin:g}")
+    for tank in tanks:
+        cycle = tank.limit_cycle
+        target = {None: invalid, False: failed, True: met}[cycle.acceptable]
+        if np.isfinite(cycle.tvc_amplitude[1]):
+            worst, limit = np.degrees(cycle.tvc_amplitude[1]), np.degrees(cycle.tvc_limit)
+            sign = "<=" if worst <= limit else ">"
+            target.append(
+                f"{tank.name}: degraded by its whole margin it cycles with {cycle.slosh_amplitude:.4g} m of slosh and "
+                f"{worst:.3f} deg of engine, {sign} {limit:.3g} deg"
+            )
+            cautions += [f"{tank.name}: {reason}" for reason in cycle.reasons]
+        else:
+            target += [f"{tank.name}: {reason}" for reason in cycle.reasons]
+    for one in cycles or ():
+        if one.stable and one.tvc_amplitude > criteria.tvc_amplitude:
+            failed.append(f"the loop as given has a {one}, more than {np.degrees(criteria.tvc_amplitude):.3g} deg")
+        elif one.stable:
+            cautions.append(f"the loop as given runs into a {one}")
+    if unsupported:
+        invalid.append(unsupported)
+    heavy = float(case.vehicle.mass_matrix_margin)
+    if heavy < HEAVY_SLOSH:
+        cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
+    for tank, mass in zip(tanks, case.vehicle.tanks, strict=True):
+        if mass.damping.smallest_amplitude > 0.0:
+            cautions.append(
+                f"caution: {tank.name}: the damping data start at {mass.damping.smallest_amplitude:g} m; "
+                "the loop at small amplitude was read there"
+            )
+    verdict = "invalid" if invalid and not failed else "fail" if failed else "pass"
+    if not found.trusted:
+        verdict = "invalid"
+    return verdict, tuple([*invalid, *failed, *cautions, *met] if verdict != "pass" else [*met, *cautions])
+
+
+def _read_at(case: Case, used: Array, damping: Real | None, amplitude: Real | None) -> str:
+    at = ", ".join(f"{t.name} {100 * xi:.3g} %" for t, xi in zip(case.vehicle.tanks, used, strict=True))
+    how = "damping given" if damping is not None else "at the amplitude given" if amplitude is not None else "small amplitude"
+    return f"{how}: {at}"
+
+
+def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:
+    """Return one tank of the JSON object."""
+    z, c, hertz = tank.zone, tank.limit_cycle, 2.0 * np.pi
+    known = not z.reason
+    return {
+        "name": tank.name,
+        "danger_zone": {
+            "aft_m": z.aft if known else None,
+            "forward_m": z.forward if known else None,
+            "l_m": z.l,
+            "inside": z.inside,
+            "reason": z.reason or None,
+        },
+        "damping_ratio": tank.damping_ratio,
+        "disc_margin": {
+            "value": tank.disc_margin if trusted else None,
+            "frequency_hz": tank.omega / hertz if trusted else None,
+        },
+        "neutral_damping": float(c.required.neutral),
+        "required_damping": float(c.required.required),
+        "limit_cycle": {
+            "band_hz": [np.min(c.band) / hertz, np.max(c.band) / hertz] if c.band.size else None,
+            "slosh_amplitude_m": c.slosh_amplitude,
+            "tvc_amplitude_rad": _pair(c.tvc_amplitude),
+            "paper": {
+                "slosh_amplitude_m": c.paper_slosh_amplitude,
+                "tvc_amplitude_rad": _pair(c.paper_tvc_amplitude),
+            },
+            "gain_db": c.gain_db,
+            "delay_s": c.delay,
+            "frequency_hz": c.omega / hertz,
+            "tvc_limit_rad": c.tvc_limit,
+            "acceptable": c.acceptable,
+        },
+    }
+
+
+def _pair(value: Array) -> list[float] | None:
+    return [float(v) for v in value] if np.all(np.isfinite(value)) else None
+
+
+def _finite(points: Points) -> Array:
+    return np.flatnonzero(np.isfinite(points.omega))
+
+
+def _listed(found: Margins, points: Points) -> list[tuple[float, float, str]]:
+    """Return frequency, value and mode of every point."""
+    mode = found.mode(points)
+    return [(float(points.omega[k]), float(points.value[k]), found.groups[int(mode[k])]) for k in _finite(points)]
+
+
+def _shown(value: float, unit: str) -> float:
+    return float({"dB": 20.0 * np.log10(value), "deg": np.degrees(value)}.get(unit, value))
+
+
+def _plain(value: Any) -> Any:
+    """Return a value made of JSON's own types; what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,247 @@
+"""The paper's five steps: threshold damping, slosh amplitude, slosh-related band, engine amplitude, verdict.
+
+Degrade the loop by any gain and phase inside the DM = 1 ellipse: at the threshold damping the loop is at worst neutral.
+So the amplitude at which the law gives this damping bounds every such limit cycle, and |z/beta| of the plant, which
+no degradation outside it changes, turns it into an engine angle.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sloshpy.case import Case
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.response import transfer
+from sloshpy.stability.margins import loop_margins
+from sloshpy.stability.nichols import nichols_disc_margin, sampled
+from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping
+from sloshpy.units import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+VALID_SHARE_OF_RADIUS = 0.15  # the mechanical analogue holds to 10-15 % of the tank radius
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitCycle:
+    """The limit cycle of one tank that the worst allowed degradation can produce.
+
+    Two conventions for the amplitude at which the law gives the required damping: `paper` takes the oscillation at
+    the slosh frequency, the other keeps its own frequency W (xi = f(W A / w), exact). Amplitudes are nan where the
+    law's data do not support them; `reasons` says so.
+
+    required: the damping requirement this rests on. band: (K, 2), rad/s, slosh-related intervals with
+    DM < `limit_cycle_disc_margin`. omega: of the least disc margin, rad/s.
+    slosh_amplitude, paper_slosh_amplitude: m. tvc_amplitude, paper_tvc_amplitude: (2,), rad, least and greatest.
+    gain, delay: the degradation that makes the loop neutral at omega: amplitude ratio and s.
+    acceptable: greatest engine amplitude within the limit; None where no number is supported.
+    band_omega, band_tvc: samples of the engine amplitude over the band, for figures.
+    """
+
+    case: Case
+    tank: str
+    required: RequiredDamping
+    band: Array
+    omega: float
+    slosh_amplitude: float
+    paper_slosh_amplitude: float
+    tvc_amplitude: Array
+    paper_tvc_amplitude: Array
+    gain: float
+    delay: float
+    tvc_limit: float
+    acceptable: bool | None
+    reasons: tuple[str, ...]
+    band_omega: Array
+    band_tvc: Array
+
+    @property
+    def gain_db(self) -> float:
+        """The gain degradation in dB."""
+        return float(20.0 * np.log10(self.gain))
+
+    def __str__(self) -> str:
+        if self.acceptable is None or not np.isfinite(self.omega):
+            return f"{self.tank}: " + "; ".join(self.reasons)
+        low, high = np.degrees(self.tvc_amplitude)
+        bands = ", ".join(f"{a:.4f}-{b:.4f}" for a, b in self.band / (2.0 * np.pi))
+        verdict = "acceptable" if self.acceptable else "NOT acceptable"
+        lines = [
+            f"{self.tank}: {verdict}; engine {1e3 * self.tvc_amplitude[0]:.3f}-{1e3 * self.tvc_amplitude[1]:.3f} mrad "
+            f"({low:.3f}-{high:.3f} deg), limit {np.degrees(self.tvc_limit):.3f} deg",
+            f"  slosh {self.slosh_amplitude:.4f} m at {self.omega / 2 / np.pi:.4f} Hz, band {bands} Hz",
+            f"  paper's convention: slosh {self.paper_slosh_amplitude:.4f} m, engine "
+            f"{1e3 * self.paper_tvc_amplitude[0]:.3f}-{1e3 * self.paper_tvc_amplitude[1]:.3f} mrad",
+            f"  required damping {100 * float(self.required.required):.4f} %; neutral after "
+            f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms",
+        ]
+        return "\n".join(lines + [f"  {reason}" for reason in self.reasons])
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the engine amplitude over the band as an xarray Dataset, the rest in its attributes."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {"tvc_amplitude": ("omega", self.band_tvc, {"units": "rad"})},
+            coords={"omega": ("omega", self.band_omega, {"units": "rad/s"})},
+            attrs={
+                "tank": self.tank,
+                "slosh_amplitude_m": self.slosh_amplitude,
+                "paper_slosh_amplitude_m": self.paper_slosh_amplitude,
+                "gain_db": self.gain_db,
+                "delay_s": self.delay,
+            },
+        )
+
+
+def predict_limit_cycle(case: Case, tank: int = 0) -> LimitCycle:
+    """Return the limit cycle of a tank under degraded margins, by the paper's five steps (sec C.3).
+
+    The other tanks keep their small-amplitude damping. The criteria of the case hold the thresholds of steps 1 to 3.
+    """
+    loop, criteria = open_loop(case), case.criteria
+    required = loop_required_damping(loop, criteria, tank, criteria.disc_margin)
+    xi = float(required.required)
+    mass = case.vehicle.tanks[tank]
+    if np.isnan(xi):
+        return _without(case, tank, required, False, "no damping of this tank up to critical meets the disc margin")
+    if xi == 0.0:
+        return _without(case, tank, required, True, "no slosh damping is needed: no limit cycle inside the disc margin")
+    amplitude = float(mass.damping.amplitude(xi))  # step 2, at the slosh frequency
+    if np.isinf(amplitude):
+        return _without(
+            case, tank, required, False, f"the damping never reaches the required {100 * xi:.4g} %: nothing bounds the growth"
+        )
+    if amplitude == 0.0:
+        return _without(
+            case, tank, required, True, f"the damping at every amplitude is at least the required {100 * xi:.4g} %"
+        )
+    damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
+    threshold = replace(loop, damping=damping)
+    band = _band(case, threshold, tank)  # step 3
+    omega = float(required.omega)
+    w = float(mass.frequency)
+    samples = np.concatenate([np.linspace(a, b, 201) for a, b in band])
+    gain = np.abs(transfer(threshold.along(), 1j * samples).slosh[..., tank])
+    paper_tvc, tvc = amplitude / gain, amplitude * w / samples / gain  # step 4
+    L = complex(transfer(threshold, np.array(1j * omega)).loop)
+    reasons: list[str] = []
+    acceptable: bool | None = bool(np.max(tvc) <= criteria.tvc_amplitude)  # step 5
+    if np.isnan(amplitude):
+        largest = mass.damping.largest_amplitude
+        acceptable = None
+        reasons.append(
+            f"outside the damping data: {100 * xi:.4g} % is required, the data end at "
+            f"{100 * float(mass.damping.ratio(largest)):.4g} % at {largest:g} m"
+        )
+    elif amplitude <= mass.damping.smallest_amplitude:
+        reasons.append(f"amplitude is an upper bound: the damping data start at {amplitude:g} m and suffice there already")
+    reasons += _limits(case, float(np.max(samples)), float(np.max(tvc)))
+    if reasons and "actuator" in reasons[-1]:
+        acceptable = None
+    consistent = amplitude * w / omega
+    if mass.radius is not None and consistent > VALID_SHARE_OF_RADIUS * float(mass.radius):
+        reasons.append(
+            f"caution: slosh amplitude {consistent:.3f} m is {100 * consistent / float(mass.radius):.0f} % of the tank "
+            "radius; the spring-mass model is less valid beyond 10-15 %"
+        )
+    return LimitCycle(
+        case=case,
+        tank=mass.name,
+        required=required,
+        band=band,
+        omega=omega,
+        slosh_amplitude=consistent,
+        paper_slosh_amplitude=amplitude,
+        tvc_amplitude=_extremes(threshold, tank, samples, tvc, amplitude * w, 1),
+        paper_tvc_amplitude=_extremes(threshold, tank, samples, paper_tvc, amplitude, 0),
+        gain=1.0 / abs(L),
+        delay=float(np.angle(-L)) / omega,
+        tvc_limit=criteria.tvc_amplitude,
+        acceptable=acceptable,
+        reasons=tuple(reasons),
+        band_omega=samples,
+        band_tvc=tvc,
+    )
+
+
+def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool, reason: str) -> LimitCycle:
+    """Return the answer where there is no limit cycle to compute, with its reason."""
+    nothing = np.full(2, np.nan)
+    return LimitCycle(
+        case=case,
+        tank=case.vehicle.tanks[tank].name,
+        required=required,
+        band=np.zeros((0, 2)),
+        omega=np.nan,
+        slosh_amplitude=np.nan,
+        paper_slosh_amplitude=np.nan,
+        tvc_amplitude=nothing,
+        paper_tvc_amplitude=nothing,
+        gain=np.nan,
+        delay=np.nan,
+        tvc_limit=case.criteria.tvc_amplitude,
+        acceptable=acceptable,
+        reasons=(reason,),
+        band_omega=np.zeros(0),
+        band_tvc=np.zeros(0),
+    )
+
+
+def _band(case: Case, loop: Loop, tank: int) -> Array:
+    """Return the intervals with DM below the limit-cycle threshold about the tank's slosh-related minima, rad/s."""
+    from scipy.optimize import elementwise  # 0.4 s: only when a limit cycle is wanted
+
+    c = case.criteria
+    found = loop_margins(loop, c)
+    own = found.related(tank) & (found.minima.value < c.limit_cycle_disc_margin)
+    curve = sampled(loop, c.gain_margin, c.phase_margin)
+    omega = np.unique(np.concatenate([curve.omega, found.minima.omega[own]]))
+
+    def above(omega: Array) -> Array:
+        L = transfer(loop.along(), 1j * omega).loop
+        return nichols_disc_margin(L, c.gain_margin, c.phase_margin) - c.limit_cycle_disc_margin
+
+    value = above(omega)
+    at = np.flatnonzero(value[:-1] * value[1:] < 0.0)
+    edges = np.asarray(elementwise.find_root(above, (omega[at], omega[at + 1]), tolerances={"xrtol": 1e-14}).x)
+    falling = value[at] > 0.0
+    intervals = [
+        (float(edges[k]), float(edges[k + 1])) for k in range(len(edges) - 1) if falling[k] and not falling[k + 1]
+    ]
+    kept = [(a, b) for a, b in intervals if np.any((found.minima.omega[own] >= a) & (found.minima.omega[own] <= b))]
+    return np.array(kept).reshape(-1, 2)
+
+
+def _extremes(loop: Loop, tank: int, omega: Array, tvc: Array, numerator: float, power: int) -> Array:
+    """Return least and greatest engine amplitude over the band, refined where they lie inside it."""
+    from scipy.optimize import elementwise  # as above
+
+    def amplitude(w: Array, sign: Array) -> Array:
+        gain = np.abs(transfer(loop.along(), 1j * np.atleast_1d(w)).slosh[..., tank])
+        return np.asarray(sign * numerator / (w**power * gain))
+
+    result = []
+    for sign in (1.0, -1.0):
+        k = int(np.argmin(sign * tvc)) if np.all(np.isfinite(tvc)) else 0
+        inside = 0 < k < len(tvc) - 1 and np.all(sign * tvc[[k - 1, k + 1]] >= sign * tvc[k])
+        if inside and omega[k - 1] < omega[k] < omega[k + 1]:
+            found = elementwise.find_minimum(amplitude, tuple(omega[k - 1 : k + 2, None]), args=(np.array([sign]),))
+            result.append(float(sign * found.f_x[0]))
+        else:
+            result.append(float(tvc[k]))
+    return np.array(result)
+
+
+def _limits(case: Case, omega: float, tvc: float) -> list[str]:
+    """Return why a linear engine amplitude is not supported: the actuator's own limits."""
+    actuator = case.autopilot.actuator
+    if actuator is None:
+        return []
+    if actuator.deflection_limit is not None and tvc > actuator.deflection_limit:
+        return [f"the engine amplitude {tvc:.4g} rad exceeds the actuator's deflection limit: simulate instead"]
+    if actuator.rate_limit is not None and omega * tvc > actuator.rate_limit:
+        return [f"the engine rate {omega * tvc:.4g} rad/s exceeds the actuator's rate limit: simulate instead"]
+    return []

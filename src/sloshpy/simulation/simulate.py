@@ -1,0 +1,252 @@
+"""Time history of the closed loop with nonlinear slosh damping, fig 9.
+
+    x' = A x + b beta(t) + sum_j g_j acc_j(z_j')        acc_j: the damping law's own force, not its linear equivalent
+
+Fixed-step Runge-Kutta of fourth order. The delay is a true delay line: the step divides it, and values between
+steps come from the cubic through values and slopes, which keeps the order.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sloshpy.autopilot import Autopilot
+from sloshpy.autopilot.blocks import filter_block
+from sloshpy.case import Case
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.plant import state_space
+from sloshpy.dynamics.poles import system_matrix
+from sloshpy.simulation.envelope import Envelope, settled_envelope
+from sloshpy.units import Array, Real
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DIVERGED = 1e3  # m or rad: far beyond any model of this package
+INITIAL_SLOSH = 0.01  # m
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeHistory:
+    """Slosh, engine angle and attitude over time.
+
+    time: (T,), s. slosh: (T, n_tanks), m. tvc: (T,), rad, at the engine. attitude: (T,), rad.
+    step: s. stopped: why the run ended early, "" where it did not.
+    """
+
+    case: Case
+    time: Array
+    slosh: Array
+    tvc: Array
+    attitude: Array
+    step: float
+    stopped: str
+
+    def slosh_envelope(self, tank: int = 0) -> Envelope:
+        """Return amplitude in m and frequency of a tank's settled slosh, or why there is none."""
+        return self._envelope(self.slosh[:, tank])
+
+    @property
+    def tvc_envelope(self) -> Envelope:
+        """Amplitude in rad and frequency of the settled engine motion, or why there is none."""
+        return self._envelope(self.tvc)
+
+    def _envelope(self, signal: Array) -> Envelope:
+        if self.stopped:
+            return Envelope(amplitude=np.nan, omega=np.nan, reason=f"stopped: {self.stopped}")
+        return settled_envelope(self.time, signal)
+
+    def __str__(self) -> str:
+        lines = [f"{self.case.name}: {self.time[-1]:.1f} s, step {1e3 * self.step:.2f} ms"]
+        for j, tank in enumerate(self.case.vehicle.tanks):
+            lines.append(f"  {tank.name} slosh {_words(self.slosh_envelope(j), 'm', 1.0)}")
+        lines.append(f"  engine {_words(self.tvc_envelope, 'mrad', 1e3)}")
+        return "\n".join(lines)
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the histories as an xarray Dataset over time."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {
+                "slosh": (["time", "tank"], self.slosh, {"units": "m"}),
+                "tvc": ("time", self.tvc, {"units": "rad"}),
+                "attitude": ("time", self.attitude, {"units": "rad"}),
+            },
+            coords={
+                "time": ("time", self.time, {"units": "s"}),
+                "tank": [t.name for t in self.case.vehicle.tanks],
+            },
+            attrs={"case": self.case.name, "step_s": self.step, "stopped": self.stopped},
+        )
+
+
+def _words(envelope: Envelope, unit: str, scale: float) -> str:
+    if not envelope.settled:
+        return envelope.reason
+    if envelope.amplitude == 0.0:
+        return "comes to rest"
+    return f"amplitude {scale * envelope.amplitude:.4f} {unit} at {envelope.omega / 2 / np.pi:.4f} Hz"
+
+
+def simulate(
+    case: Case,
+    duration: float = 200.0,
+    initial_slosh: Real = INITIAL_SLOSH,
+    damping: Real | None = None,
+    step: float | None = None,
+) -> TimeHistory:
+    """Simulate a case from displaced slosh; degrade its autopilot first to see a degraded loop.
+
+    Args:
+        case: one vehicle and autopilot; see `Autopilot.degraded`.
+        duration: s.
+        initial_slosh: displacement in m, one for all tanks or one for each; the vehicle starts at rest.
+        damping: fixed damping ratios in place of the tanks' laws.
+        step: s, at most; default: a tenth of the fastest slosh radian and 0.6 of the fastest pole's.
+
+    Raises:
+        OutsideValidity: a damping table does not start at 0 m, so that its force is unknown.
+    """
+    if not duration > 0.0:
+        raise ValueError(f"duration must be > 0 s, is {duration:g} s")
+    loop = open_loop(case, damping)
+    n = loop.plant.mass.shape[-1]
+    h, lag = _step(loop, step)
+    steps = int(np.ceil(duration / h))
+    model = _Model(loop, case, None if damping is None else loop.damping)
+    x = np.zeros(model.size)
+    x[loop.plant.slosh] = initial_slosh
+    states, engine = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
+    line, slopes = np.zeros(steps + 1 + lag), np.zeros(steps + 1 + lag)  # the delay line: nothing before t = 0
+    stopped = ""
+    count = steps + 1
+    for k in range(steps + 1):
+        states[k] = x
+        old = line[k], slopes[k], line[k + 1] if lag else 0.0, slopes[k + 1] if lag else 0.0
+        delayed = (old[0], 0.5 * (old[0] + old[2]) + h / 8.0 * (old[1] - old[3]), old[2])
+        k1 = model.slope(x, delayed[0], lag)
+        engine[k] = model.engine(x, delayed[0], lag)
+        if lag:
+            line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1)
+            if lag == 1:  # the newest value has just come in
+                delayed = (old[0], 0.5 * (old[0] + line[k + 1]) + h / 8.0 * (old[1] - slopes[k + 1]), line[k + 1])
+        if k == steps:
+            break
+        k2 = model.slope(x + 0.5 * h * k1, delayed[1], lag)
+        k3 = model.slope(x + 0.5 * h * k2, delayed[1], lag)
+        k4 = model.slope(x + h * k3, delayed[2], lag)
+        x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        size = float(np.max(np.abs(x)))
+        if not size < DIVERGED:
+            stopped = "beyond the damping data" if np.isnan(size) else "diverged"
+            stopped += f" at {(k + 1) * h:.1f} s"
+            count = k + 1
+            break
+    time = h * np.arange(count)
+    return TimeHistory(
+        case=case,
+        time=time,
+        slosh=states[:count, loop.plant.slosh],
+        tvc=engine[:count],
+        attitude=states[:count, :n] @ loop.plant.attitude,
+        step=h,
+        stopped=stopped,
+    )
+
+
+class _Model:
+    """The state equations of one loop: plant, filters, then the actuator's angle and rate."""
+
+    def __init__(self, loop: Loop, case: Case, fixed: Array | None) -> None:
+        A, self._b, C = state_space(loop.plant, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
+        pilot: Autopilot = case.autopilot
+        n = self._plant = A.shape[0]
+        half = n // 2
+        gain = float(pilot.gain)
+        sensed = gain * (float(pilot.attitude_gain) * C[0] + float(pilot.rate_gain) * C[1])
+        blocks = [filter_block(f) for f in pilot.filter]
+        k = sum(len(b.B) for b in blocks)
+        self._actuator = pilot.actuator
+        self.size = n + k + 2 * (pilot.actuator is not None)
+        self._A = np.zeros((self.size, self.size))
+        self._A[:n, :n] = A
+        self._read = np.zeros(self.size)  # the command, before the delay
+        self._read[:n] = sensed
+        at = n
+        for b in blocks:
+            rows = slice(at, at + len(b.B))
+            self._A[rows] += np.outer(b.B, self._read)
+            self._A[rows, rows] += b.A
+            self._read = float(b.D) * self._read
+            self._read[rows] = b.C
+            at += len(b.B)
+        self._forces: list[tuple[int, Array, object, float]] = []
+        if fixed is None:
+            inverse = np.linalg.inv(loop.plant.mass)
+            for j, tank in enumerate(case.vehicle.tanks):
+                i = loop.plant.first_tank + j
+                push = np.zeros(self.size)
+                push[half:n] = inverse[:, i] * float(tank.slosh_mass)
+                self._forces.append((half + i, push, tank.damping.acceleration, float(tank.frequency)))
+
+    def command(self, x: Array) -> float:
+        """Return the engine command before the delay, rad."""
+        return float(self._read @ x)
+
+    def command_slope(self, x: Array, slope: Array) -> float:
+        """Return the command's time derivative, rad/s."""
+        return float(self._read @ slope)
+
+    def engine(self, x: Array, delayed: float, lag: int) -> float:
+        """Return the engine angle, rad."""
+        if self._actuator is not None:
+            return float(x[-2])
+        return delayed if lag else self.command(x)
+
+    def slope(self, x: Array, delayed: float, lag: int) -> Array:
+        """Return x' with the delayed command; without a delay the command of this moment."""
+        command = delayed if lag else self.command(x)
+        slope = self._A @ x
+        beta = command
+        if self._actuator is not None:
+            beta = float(x[-2])
+            slope[-2:] = self._actuate(beta, float(x[-1]), command)
+        slope[: self._plant] += self._b * beta
+        for i, push, acceleration, w in self._forces:
+            slope += push * acceleration(x[i], w)  # type: ignore[operator]
+        return slope
+
+    def _actuate(self, angle: float, rate: float, command: float) -> tuple[float, float]:
+        """Return rate and acceleration of the engine; at a limit it does not move outward."""
+        a = self._actuator
+        assert a is not None
+        stop, fastest = a.deflection_limit, a.rate_limit
+        if stop is not None:
+            command = min(max(command, -stop), stop)
+        acceleration = a.frequency**2 * (command - angle) - 2.0 * a.damping * a.frequency * rate
+        if fastest is not None and abs(rate) >= fastest:
+            rate = fastest if rate > 0.0 else -fastest
+            acceleration = min(acceleration, 0.0) if rate > 0.0 else max(acceleration, 0.0)
+        if stop is not None and abs(angle) >= stop and rate * angle > 0.0:
+            rate = 0.0
+        return rate, acceleration
+
+
+def _step(loop: Loop, most: float | None) -> tuple[float, int]:
+    """Return the step in s and the delay in whole steps."""
+    if most is not None and not most > 0.0:
+        raise ValueError(f"step must be > 0 s, is {most:g} s")
+    bare = loop.autopilot.model_copy(update={"delay": 0.0})
+    from dataclasses import replace
+
+    poles = np.linalg.eigvals(system_matrix(replace(loop, autopilot=bare))[0])
+    fastest = float(np.max(np.abs(poles)))
+    slosh = float(np.max(loop.plant.tank_frequency, initial=0.0))
+    h = min(0.6 / fastest, 0.1 / slosh if slosh else np.inf, most or np.inf)
+    delay = float(loop.autopilot.delay)
+    if delay == 0.0:
+        return h, 0
+    lag = int(np.ceil(delay / h))
+    return delay / lag, lag
