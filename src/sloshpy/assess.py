@@ -12,7 +12,7 @@ from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import Cycle, LimitCycle, limit_cycles, predict_limit_cycle
 from sloshpy.stability import DangerZone, Margins, danger_zone, loop_margins
-from sloshpy.stability.margins import Points
+from sloshpy.stability.margins import in_unit
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
@@ -69,16 +69,7 @@ class Assessment:
                 f"  {name:20s} {value.imag / hertz:9.4f} {value.imag:9.4f} {100 * ratio:8.3f} % {value.real:+11.5f}"
                 + (f"  doubles in {math.log(2.0) / value.real:.2f} s" if value.real > 0.0 else "")
             )
-        for label, points, unit, most in (
-            ("disc margin", m.minima, "", 4.0),
-            ("gain margin", m.phase_crossings, "dB", np.inf),
-            ("phase margin", m.gain_crossings, "deg", np.inf),
-        ):
-            for k in _finite(points):
-                shown = _shown(points.value[k], unit)
-                if shown < most:
-                    w, group = points.omega[k], m.groups[int(m.mode(points)[k])]
-                    lines.append(f"  {label:12s} {shown:9.3f} {unit:3s} at {w / hertz:.4f} Hz ({w:.4f} rad/s)  {group}")
+        lines += m.lines()
         lines.append("")
         for tank in self.tanks:
             lines += [str(tank.zone), str(tank.limit_cycle)]
@@ -115,16 +106,27 @@ class Assessment:
                     "mode": m.groups[int(m.mode(m.minima)[0])],
                 },
                 "minima": [
-                    {"disc_margin": v, "frequency_hz": w / hertz, "mode": group}
-                    for w, v, group in _listed(m, m.minima)
+                    {"disc_margin": v, "frequency_hz": w / hertz, "mode": group} for w, v, group in m.listed(m.minima)
                 ],
                 "crossings": [
-                    {"kind": "gain", "frequency_hz": w / hertz, "margin_db": None, "margin_deg": _shown(v, "deg"), "mode": g}
-                    for w, v, g in _listed(m, m.gain_crossings)
+                    {
+                        "kind": "gain",
+                        "frequency_hz": w / hertz,
+                        "margin_db": None,
+                        "margin_deg": in_unit(v, "deg"),
+                        "mode": g,
+                    }
+                    for w, v, g in m.listed(m.gain_crossings)
                 ]
                 + [
-                    {"kind": "phase", "frequency_hz": w / hertz, "margin_db": _shown(v, "dB"), "margin_deg": None, "mode": g}
-                    for w, v, g in _listed(m, m.phase_crossings)
+                    {
+                        "kind": "phase",
+                        "frequency_hz": w / hertz,
+                        "margin_db": in_unit(v, "dB"),
+                        "margin_deg": None,
+                        "mode": g,
+                    }
+                    for w, v, g in m.listed(m.phase_crossings)
                 ],
             }
         cycles = None
@@ -217,7 +219,9 @@ def _verdict(
     cautions: list[str] = []
     met: list[str] = []
     if not found.trusted:
-        invalid.append("WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given")
+        invalid.append(
+            "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
+        )
     for value, name, kind in zip(poles.value, poles.name, poles.kind, strict=True):
         if kind != "slosh" and not value.real < 0.0:
             failed.append(f"{name} mode is unstable: it grows at {value.real:.4g} 1/s")
@@ -264,7 +268,13 @@ def _verdict(
 
 def _read_at(case: Case, used: Array, damping: Real | None, amplitude: Real | None) -> str:
     at = ", ".join(f"{t.name} {100 * xi:.3g} %" for t, xi in zip(case.vehicle.tanks, used, strict=True))
-    how = "damping given" if damping is not None else "at the amplitude given" if amplitude is not None else "small amplitude"
+    how = (
+        "damping given"
+        if damping is not None
+        else "at the amplitude given"
+        if amplitude is not None
+        else "small amplitude"
+    )
     return f"{how}: {at}"
 
 
@@ -307,20 +317,6 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:
 
 def _pair(value: Array) -> list[float] | None:
     return [float(v) for v in value] if np.all(np.isfinite(value)) else None
-
-
-def _finite(points: Points) -> Array:
-    return np.flatnonzero(np.isfinite(points.omega))
-
-
-def _listed(found: Margins, points: Points) -> list[tuple[float, float, str]]:
-    """Return frequency, value and mode of every point."""
-    mode = found.mode(points)
-    return [(float(points.omega[k]), float(points.value[k]), found.groups[int(mode[k])]) for k in _finite(points)]
-
-
-def _shown(value: float, unit: str) -> float:
-    return float({"dB": 20.0 * np.log10(value), "deg": np.degrees(value)}.get(unit, value))
 
 
 def _plain(value: Any) -> Any:

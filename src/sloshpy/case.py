@@ -19,9 +19,9 @@ class Criteria(BaseModel):
     model_config = _CONFIG
 
     gain_margin: Annotated[float, Quantity("dB", "GM_d", "gain axis of the disc margin", above=1.0)] = 10.0**0.3
-    phase_margin: Annotated[
-        float, Quantity("rad", "PM_d", "phase axis of the disc margin", above=0.0, most=np.pi)
-    ] = np.pi / 6.0
+    phase_margin: Annotated[float, Quantity("rad", "PM_d", "phase axis of the disc margin", above=0.0, most=np.pi)] = (
+        np.pi / 6.0
+    )
     disc_margin: Annotated[
         float, Quantity("1", "DM", "least disc margin, and the threshold that sets the required damping", above=0.0)
     ] = 1.0
@@ -36,7 +36,9 @@ class Criteria(BaseModel):
     def _ordered(self) -> Self:
         if self.limit_cycle_disc_margin < self.disc_margin:
             raise refusal(
-                ("limit_cycle_disc_margin",), "must be >= disc_margin", "widen the band, as the paper does with 1.1 for 1.0"
+                ("limit_cycle_disc_margin",),
+                "must be >= disc_margin",
+                "widen the band, as the paper does with 1.1 for 1.0",
             )
         return self
 
@@ -56,7 +58,9 @@ class Case(BaseModel):
 
     model_config = _CONFIG
 
-    name: str = Field(pattern=NAME.replace("{0,63}", "{0,99}"), description="what the case is called in figures and reports")
+    name: str = Field(
+        pattern=NAME.replace("{0,63}", "{0,99}"), description="what the case is called in figures and reports"
+    )
     vehicle: Vehicle
     autopilot: Autopilot
     criteria: Criteria = Criteria()

@@ -122,7 +122,9 @@ def _convert(value: float, name: str, unit: str) -> float:
         written = registry.parse_units(plain) if not plain.startswith("1/") else registry.parse_units(plain[2:]) ** -1
         wanted = registry.parse_units("dimensionless" if unit == "1" else unit)
     except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError, AssertionError, KeyError):
-        close = difflib.get_close_matches(plain, ["rad/s", "Hz", "kg", "lbm", "slug", "lbf", "ft", "deg", "mrad", "kN"], n=1)
+        close = difflib.get_close_matches(
+            plain, ["rad/s", "Hz", "kg", "lbm", "slug", "lbf", "ft", "deg", "mrad", "kN"], n=1
+        )
         hint = f"did you mean {close[0]}? Write" if close else "write"
         raise UnitError(f'has the unknown unit "{name}"', f"{hint} {example(unit)}") from None
     if written.dimensionality != wanted.dimensionality:

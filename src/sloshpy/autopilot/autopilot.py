@@ -1,6 +1,6 @@
 """Gains, filters, delay and actuator.
 
-    phi, phi' --> a0 phi + a1 phi' --> gain --> filters --> delay --> actuator --> beta
+phi, phi' --> a0 phi + a1 phi' --> gain --> filters --> delay --> actuator --> beta
 """
 
 from typing import Annotated, Self

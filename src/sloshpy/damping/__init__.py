@@ -1,5 +1,6 @@
 """Laws of slosh damping, their describing functions and their forces, eqs 14-20."""
 
+from sloshpy.damping.describing_function import describing_function_factor, describing_function_integral
 from sloshpy.damping.laws import (
     AnyDamping,
     ConstantDamping,
@@ -10,11 +11,10 @@ from sloshpy.damping.laws import (
     ratios,
     small_amplitude_ratio,
 )
-from sloshpy.damping.describing_function import describing_function_factor, describing_function_integral
 
 __all__ = [
-    "ConstantDamping",
     "AnyDamping",
+    "ConstantDamping",
     "DampingLaw",
     "PowerDamping",
     "SumDamping",

@@ -19,7 +19,9 @@ from sloshpy.units import Array, Quantity, Real, UnitError, parse, refusal
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-MOST_DAMPING = 0.3  # above this a "damping ratio" is a percentage, a log decrement or 2 xi (a factor 3 above any baffle)
+MOST_DAMPING = (
+    0.3  # above this a "damping ratio" is a percentage, a log decrement or 2 xi (a factor 3 above any baffle)
+)
 _HINT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
 
 
@@ -66,9 +68,9 @@ class ConstantDamping(_Law):
     """Linear damping: the same ratio at every amplitude."""
 
     law: Literal["constant"] = "constant"
-    constant_ratio: Annotated[
-        float, Quantity("1", "xi", "damping ratio", least=0.0, most=MOST_DAMPING, hint=_HINT)
-    ] = Field(alias="ratio")
+    constant_ratio: Annotated[float, Quantity("1", "xi", "damping ratio", least=0.0, most=MOST_DAMPING, hint=_HINT)] = (
+        Field(alias="ratio")
+    )
 
     def ratio(self, amplitude: Real) -> Array:
         return np.full(np.shape(amplitude), self.constant_ratio)
@@ -137,7 +139,9 @@ class TableDamping(_Law):
     def _consistent(self) -> Self:
         A, xi = self.tested_amplitude, self.tested_ratio
         if len(A) != len(xi):
-            raise refusal(("ratio",), f"has {len(xi)} values for {len(A)} amplitudes", "give one ratio for each amplitude")
+            raise refusal(
+                ("ratio",), f"has {len(xi)} values for {len(A)} amplitudes", "give one ratio for each amplitude"
+            )
         if len(A) < 2:
             raise refusal(("amplitude",), f"has {len(A)} row", 'give at least two, or use law = "constant"')
         if np.any(np.diff(A) <= 0.0):

@@ -238,7 +238,9 @@ def _named(loop: Loop, closed: bool) -> Poles:
     )
 
 
-def _assign(values: ComplexArray, by_group: Array, modes: list[int], names: Any, room: dict[str, int]) -> dict[int, str]:
+def _assign(
+    values: ComplexArray, by_group: Array, modes: list[int], names: Any, room: dict[str, int]
+) -> dict[int, str]:
     """Give each mode the group that takes part most in it, no group more poles than it has states."""
     room = dict(room)
     size = {k: 1 if values[k].imag == 0.0 else 2 for k in modes}

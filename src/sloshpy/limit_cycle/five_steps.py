@@ -112,7 +112,11 @@ def predict_limit_cycle(case: Case, tank: int = 0) -> LimitCycle:
     amplitude = float(mass.damping.amplitude(xi))  # step 2, at the slosh frequency
     if np.isinf(amplitude):
         return _without(
-            case, tank, required, False, f"the damping never reaches the required {100 * xi:.4g} %: nothing bounds the growth"
+            case,
+            tank,
+            required,
+            False,
+            f"the damping never reaches the required {100 * xi:.4g} %: nothing bounds the growth",
         )
     if amplitude == 0.0:
         return _without(
@@ -137,7 +141,9 @@ def predict_limit_cycle(case: Case, tank: int = 0) -> LimitCycle:
             f"{100 * float(mass.damping.ratio(largest)):.4g} % at {largest:g} m"
         )
     elif amplitude <= mass.damping.smallest_amplitude:
-        reasons.append(f"amplitude is an upper bound: the damping data start at {amplitude:g} m and suffice there already")
+        reasons.append(
+            f"amplitude is an upper bound: the damping data start at {amplitude:g} m and suffice there already"
+        )
     reasons += _limits(case, float(np.max(samples)), float(np.max(tvc)))
     if reasons and "actuator" in reasons[-1]:
         acceptable = None

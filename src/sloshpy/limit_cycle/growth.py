@@ -82,9 +82,7 @@ class Cycle:
     def __str__(self) -> str:
         slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh_amplitude.items())
         kind = "stable" if self.stable else "unstable"
-        return (
-            f"{kind} limit cycle at {self.omega / 2 / np.pi:.4f} Hz: {slosh}, engine {1e3 * self.tvc_amplitude:.3f} mrad"
-        )
+        return f"{kind} limit cycle at {self.omega / 2 / np.pi:.4f} Hz: {slosh}, engine {1e3 * self.tvc_amplitude:.3f} mrad"
 
 
 def growth_curve(case: Case, tank: int = 0, amplitude: Array | None = None) -> GrowthCurve:

@@ -49,11 +49,15 @@ def settled_envelope(time: Array, signal: Array) -> Envelope:
         return _unconverged("no single oscillation")
     slope = np.polyfit(np.arange(CYCLES), np.log(half), 1)[0]
     if abs(10.0 * slope) > LEVEL:
-        return _unconverged(f"the envelope changes by {100.0 * np.expm1(10.0 * slope):+.3g} % in ten cycles; run longer")
+        return _unconverged(
+            f"the envelope changes by {100.0 * np.expm1(10.0 * slope):+.3g} % in ten cycles; run longer"
+        )
     if np.ptp(half) > SPREAD * np.mean(half):
         return _unconverged(f"the cycles differ by {100.0 * np.ptp(half) / np.mean(half):.2g} %: several frequencies")
     return Envelope(
-        amplitude=float(np.mean(half)), omega=float(2.0 * np.pi * CYCLES / (t_high[-1] - t_high[-1 - CYCLES])), reason=""
+        amplitude=float(np.mean(half)),
+        omega=float(2.0 * np.pi * CYCLES / (t_high[-1] - t_high[-1 - CYCLES])),
+        reason="",
     )
 
 

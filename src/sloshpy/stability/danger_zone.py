@@ -147,7 +147,9 @@ def required_damping_map(case: Case, tank: int = 0, station: Array | None = None
     v, zone = case.vehicle, danger_zone(case, tank)
     moved = v.tanks[tank]
     if station is None:
-        reach = np.sqrt(0.9 * (1.0 - float(moved.slosh_mass) / float(v.mass)) * float(v.inertia) / float(moved.slosh_mass))
+        reach = np.sqrt(
+            0.9 * (1.0 - float(moved.slosh_mass) / float(v.mass)) * float(v.inertia) / float(moved.slosh_mass)
+        )
         aft, forward = (float(np.clip(1.2 * l, -reach, reach)) for l in (zone.aft, zone.forward))
         station = np.unique(np.append(np.linspace(float(v.cg) - aft, float(v.cg) - forward, 41), moved.station))
     station = np.asarray(station, dtype=float)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 RIGID = "rigid body"
 AUDIBLE = np.log(100.0)  # phase crossings beyond +-40 dB are no margins: undamped poles and zeros, wrapped delay
+DISTANT = 4.0  # minima of eq 24 beyond this are listed in data, not on the screen
 RELATED_SHARE = 0.5  # a point belongs to a tank whose share is at least this part of the greatest
 
 
@@ -86,19 +87,28 @@ class Margins:
         if np.ndim(self.stable):
             return f"Margins of {np.size(self.stable)} loops, {np.sum(~self.stable)} unstable"
         head = "stable" if self.stable else f"UNSTABLE, grows at {float(self.growth):.4g} 1/s"
-        lines = [f"{head}; nichols disc margin {float(self.nichols_disc_margin):.4f} (negative: unstable)"]
+        return "\n".join([f"{head}; nichols disc margin {float(self.nichols_disc_margin):+.4f}", *self.lines()])
+
+    def lines(self) -> list[str]:
+        """Return the minima and crossings of one loop as lines of text, distant minima left out."""
+        lines = []
         for name, points, unit in (
             ("disc margin", self.minima, ""),
             ("gain margin", self.phase_crossings, "dB"),
             ("phase margin", self.gain_crossings, "deg"),
         ):
-            for k in np.flatnonzero(np.isfinite(points.omega)):
-                value = points.value[k]
-                value = 20.0 * np.log10(value) if unit == "dB" else np.degrees(value) if unit == "deg" else value
-                group = self.groups[int(self.mode(points)[k])]
-                w = points.omega[k]
-                lines.append(f"  {name:12s} {value:9.4f} {unit:3s} at {w / 2 / np.pi:.4f} Hz ({w:.4f} rad/s), {group}")
-        return "\n".join(lines)
+            for omega, value, mode in self.listed(points):
+                shown = in_unit(value, unit)
+                if points is not self.minima or shown < DISTANT:
+                    at = f"at {omega / 2 / np.pi:.4f} Hz ({omega:.4f} rad/s)"
+                    lines.append(f"  {name:12s} {shown:9.4f} {unit:3s} {at}  {mode}")
+        return lines
+
+    def listed(self, points: Points) -> list[tuple[float, float, str]]:
+        """Return frequency in rad/s, value and mode of the points of one loop."""
+        mode = self.mode(points)
+        found = np.flatnonzero(np.isfinite(points.omega))
+        return [(float(points.omega[k]), float(points.value[k]), self.groups[int(mode[k])]) for k in found]
 
     def to_dataset(self) -> "xr.Dataset":
         """Return minima and crossings as an xarray Dataset with units in the attributes."""
@@ -119,6 +129,13 @@ class Margins:
             data[f"{name}_value"] = ([*axes, name], points.value, {"units": unit})
             data[f"{name}_share"] = ([*axes, name, "group"], points.share, {"units": "1"})
         return xr.Dataset(data, coords={"group": list(self.groups)})
+
+
+def in_unit(value: float, unit: str) -> float:
+    """Return an amplitude ratio in "dB", an angle in "deg", anything else as it is."""
+    if unit == "dB":
+        return float(20.0 * np.log10(value))
+    return float(np.degrees(value)) if unit == "deg" else value
 
 
 def margins(case: Case, damping: Real | None = None, amplitude: Real | None = None) -> Margins:
@@ -216,9 +233,7 @@ def _shares(loop: Loop, index: Array, omega: Array) -> Array:
     return np.concatenate([tanks, 1.0 - np.sum(tanks, axis=-1, keepdims=True)], axis=-1)
 
 
-def _padded(
-    batch: tuple[int, ...], index: Array, omega: Array, value: Array, share: Array, by_value: bool
-) -> Points:
+def _padded(batch: tuple[int, ...], index: Array, omega: Array, value: Array, share: Array, by_value: bool) -> Points:
     """Sort points into their loops, by value or by frequency, and fill up with nan."""
     order = np.lexsort((value if by_value else omega, index))
     index, omega, value, share = index[order], omega[order], value[order], share[order]

@@ -106,7 +106,9 @@ def _zeros(loop: Loop) -> ComplexArray:
     a0, a1 = np.asarray(loop.autopilot.attitude_gain)[..., None], np.asarray(loop.autopilot.rate_gain)[..., None]
     batch = loop.batch
     with_rate = a1 != 0.0
-    c = np.where(with_rate, a0 * C[0] + a1 * C[1], (C[0] * a0) @ A if A.ndim == 2 else np.einsum("j,...jk->...k", C[0], A))
+    c = np.where(
+        with_rate, a0 * C[0] + a1 * C[1], (C[0] * a0) @ A if A.ndim == 2 else np.einsum("j,...jk->...k", C[0], A)
+    )
     c = np.broadcast_to(c, (*batch, A.shape[-1]))
     cA = np.einsum("...j,...jk->...k", c, A)
     return np.linalg.eigvals(A - b[..., :, None] * cA[..., None, :] / np.sum(c * b, axis=-1)[..., None, None])

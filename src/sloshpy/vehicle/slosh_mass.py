@@ -26,5 +26,7 @@ class SloshMass(BaseModel):
     frequency: Annotated[
         Real, Quantity("rad/s", "w_s", "slosh natural frequency at this case's axial acceleration", above=0.0)
     ]
-    radius: Annotated[Real, Quantity("m", "R", "tank radius, for the validity of the amplitude", above=0.0)] | None = None
+    radius: Annotated[Real, Quantity("m", "R", "tank radius, for the validity of the amplitude", above=0.0)] | None = (
+        None
+    )
     damping: AnyDamping

@@ -45,7 +45,9 @@ class Vehicle(BaseModel):
         seen: dict[str, int] = {}
         for j, tank in enumerate(self.tanks):
             if tank.name.casefold() in seen:
-                raise refusal(("tanks", j, "name"), f"is the name of tank {seen[tank.name.casefold()] + 1} too", "rename one")
+                raise refusal(
+                    ("tanks", j, "name"), f"is the name of tank {seen[tank.name.casefold()] + 1} too", "rename one"
+                )
             seen[tank.name.casefold()] = j
         share = 1.0 - self.mass_matrix_margin
         if np.any(share >= 1.0):
