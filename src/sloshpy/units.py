@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     import pint
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.integer[Any]]
 Real = float | Array
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -52,6 +54,9 @@ _KINDS = {
     "1/m": "a ratio per length",
     "dimensionless": "a plain number or an angle",
 }
+
+
+_SIGNS = {ord(k): v for k, v in {"²": "^2", "³": "^3", "·": "*", "×": "*", "−": "-", "°": "deg"}.items()}
 
 
 class UnitError(ValueError):
@@ -115,7 +120,7 @@ def _convert(value: float, name: str, unit: str) -> float:
 
     if '"' in name or "'" in name:
         raise UnitError("has a quotation mark for a unit", "write in or ft, as in 100 in")
-    plain = name.translate(str.maketrans({"²": "^2", "³": "^3", "·": "*", "×": "*", "−": "-", "°": "deg"}))
+    plain = name.translate(_SIGNS)
     plain = _HYPHEN.sub("*", plain).replace("%", "percent")
     registry = _registry()
     try:

@@ -17,7 +17,7 @@ from sloshpy.autopilot import Autopilot
 from sloshpy.case import Case
 from sloshpy.damping import small_amplitude_ratio
 from sloshpy.dynamics.plant import Plant, plant, without_drift
-from sloshpy.units import Array, Real
+from sloshpy.units import Array, IntArray, Real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Loop:
         """Return the loop with a new last batch axis of length one, along which frequencies or poles run."""
         return self._mapped(lambda x, own: np.expand_dims(x, x.ndim - own))
 
-    def take(self, index: Array) -> "Loop":
+    def take(self, index: IntArray) -> "Loop":
         """Return loops picked from the flattened batch; `index` holds integers of any shape."""
         batch = self.batch
         chosen = np.asarray(index, dtype=int)
@@ -54,7 +54,7 @@ class Loop:
             inner = x.shape[x.ndim - own :]
             if x.shape == inner:
                 return x
-            return np.broadcast_to(x, batch + inner).reshape((-1, *inner))[chosen]
+            return np.asarray(np.broadcast_to(x, batch + inner).reshape((-1, *inner))[chosen])
 
         return self._mapped(pick)
 

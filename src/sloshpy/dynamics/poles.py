@@ -224,7 +224,7 @@ def _named(loop: Loop, closed: bool) -> Poles:
     room = {name: groups.count(name) for name in names}
     chosen = _assign(values, by_group, upper, names, room)
     listed = [k for k in upper if chosen.get(k) != "delay" or values[k].real >= 0.0]
-    listed.sort(key=lambda k: _damping(values[k]))
+    listed.sort(key=lambda k: _damping(complex(values[k])))
     label = {k: _label(chosen[k], by_group[k], names) for k in listed}
     tanks = {f"{tank} slosh": tank for tank in loop.plant.tanks}
     return Poles(
@@ -245,11 +245,10 @@ def _assign(
     room = dict(room)
     size = {k: 1 if values[k].imag == 0.0 else 2 for k in modes}
     chosen: dict[int, str] = {}
-    for share, k, g in sorted(((by_group[k, g], k, g) for k in modes for g in range(len(names))), reverse=True):
+    for _, k, g in sorted(((by_group[k, g], k, g) for k in modes for g in range(len(names))), reverse=True):
         if k not in chosen and room[names[g]] >= size[k]:
             chosen[k] = names[g]
             room[names[g]] -= size[k]
-        del share
     for k in modes:
         chosen.setdefault(k, names[int(np.argmax(by_group[k]))])
     return chosen

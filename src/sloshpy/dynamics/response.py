@@ -41,9 +41,10 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
     n, n_tanks, slosh = p.mass.shape[-1], len(p.tanks), p.slosh
     s = np.asarray(s, dtype=complex)
     S = s[..., None, None]
-    D = S * S * p.mass + S * p.damping + p.stiffness
+    D = np.asarray(S * S * p.mass + S * p.damping + p.stiffness, dtype=complex)
     diagonal = np.arange(n)[slosh]
-    D[..., diagonal, diagonal] += s[..., None] * (2.0 * REFERENCE_DAMPING * p.tank_frequency * p.tank_mass)
+    reference = 2.0 * REFERENCE_DAMPING * p.tank_frequency * p.tank_mass
+    D[..., diagonal, diagonal] = D[..., diagonal, diagonal] + s[..., None] * reference
     right = np.zeros((*D.shape[:-1], 1 + n_tanks), dtype=complex)
     right[..., 0] = p.force
     right[..., diagonal, np.arange(n_tanks) + 1] = p.tank_mass
@@ -97,7 +98,7 @@ class FrequencyResponse:
         """Phase of L in degrees, continuous along frequency, on the branch whose mean is nearest -180 deg."""
         phase = np.unwrap(np.angle(self.loop), axis=-1)
         turns = np.round((np.mean(phase, axis=-1, keepdims=True) + np.pi) / (2.0 * np.pi))
-        return np.degrees(phase - 2.0 * np.pi * turns)
+        return np.asarray(np.degrees(phase - 2.0 * np.pi * turns))
 
 
 def frequency_response(loop: Loop, omega: Array) -> FrequencyResponse:

@@ -82,7 +82,8 @@ class Cycle:
     def __str__(self) -> str:
         slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh_amplitude.items())
         kind = "stable" if self.stable else "unstable"
-        return f"{kind} limit cycle at {self.omega / 2 / np.pi:.4f} Hz: {slosh}, engine {1e3 * self.tvc_amplitude:.3f} mrad"
+        engine = f"engine {1e3 * self.tvc_amplitude:.3f} mrad"
+        return f"{kind} limit cycle at {self.omega / 2 / np.pi:.4f} Hz: {slosh}, {engine}"
 
 
 def growth_curve(case: Case, tank: int = 0, amplitude: Array | None = None) -> GrowthCurve:
@@ -124,14 +125,13 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
     found: list[Cycle] = []
-    for j, mass in enumerate(case.vehicle.tanks):
+    for j in range(len(case.vehicle.tanks)):
         curve = growth_curve(case, j)
         sigma = curve.growth
         for k in np.flatnonzero(sigma[:-1] * sigma[1:] < 0.0):
             cycle = _cycle(case, j, curve, int(k))
             if not any(_same(cycle, other) for other in found):
                 found.append(cycle)
-        del mass
     return tuple(found)
 
 

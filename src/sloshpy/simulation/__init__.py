@@ -1,4 +1,4 @@
-"""Nonlinear time histories: the linear plant plus the damping force, a true delay line, actuator limits (eq 20, fig 9)."""
+"""Nonlinear time histories: linear plant, damping force, true delay line, actuator limits (eq 20, fig 9)."""
 
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.simulate import TimeHistory, simulate

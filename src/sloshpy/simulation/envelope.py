@@ -39,7 +39,7 @@ def settled_envelope(time: Array, signal: Array) -> Envelope:
     if np.max(np.abs(signal[-len(signal) // 10 :])) < REST:
         return Envelope(amplitude=0.0, omega=np.nan, reason="")
     t_high, high = _peaks(time, signal)
-    t_low, low = _peaks(time, -signal)
+    _, low = _peaks(time, -signal)
     n = min(len(high), len(low))
     if n < CYCLES + 1:
         return _unconverged(f"only {n} cycles, needs more than {CYCLES}")

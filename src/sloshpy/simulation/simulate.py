@@ -6,7 +6,7 @@ Fixed-step Runge-Kutta of fourth order. The delay is a true delay line: the step
 steps come from the cubic through values and slopes, which keeps the order.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,7 +144,7 @@ def simulate(
             stopped += f" at {(k + 1) * h:.1f} s"
             count = k + 1
             break
-    time = h * np.arange(count)
+    time = h * np.arange(count, dtype=float)
     return TimeHistory(
         case=case,
         time=time,
@@ -239,8 +239,6 @@ def _step(loop: Loop, most: float | None) -> tuple[float, int]:
     if most is not None and not most > 0.0:
         raise ValueError(f"step must be > 0 s, is {most:g} s")
     bare = loop.autopilot.model_copy(update={"delay": 0.0})
-    from dataclasses import replace
-
     poles = np.linalg.eigvals(system_matrix(replace(loop, autopilot=bare))[0])
     fastest = float(np.max(np.abs(poles)))
     slosh = float(np.max(loop.plant.tank_frequency, initial=0.0))

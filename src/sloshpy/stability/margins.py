@@ -10,7 +10,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth, unstable_count
 from sloshpy.dynamics.response import transfer
 from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled
-from sloshpy.units import Array, Real
+from sloshpy.units import Array, BoolArray, IntArray, Real
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +46,7 @@ class Margins:
     groups: names of the shares' last axis, the tanks' slosh first, then the rigid body and its controller.
     """
 
-    stable: Array
+    stable: BoolArray
     growth: Array
     witness: bool | None
     minima: Points
@@ -65,18 +65,18 @@ class Margins:
         """Least disc margin of eq 24, negative where the closed loop is unstable; shape of the batch."""
         return np.asarray(np.where(self.stable, 1.0, -1.0) * self.minima.value[..., 0])
 
-    def mode(self, points: Points) -> Array:
+    def mode(self, points: Points) -> IntArray:
         """Return the index of the group each point belongs to, the shape of the points."""
         return np.asarray(np.argmax(np.where(np.isnan(points.share), -np.inf, points.share), axis=-1))
 
-    def related(self, tank: int) -> Array:
+    def related(self, tank: int) -> BoolArray:
         """Return which minima are slosh-related for a tank: its share is at least half of the greatest share."""
         share = self.minima.share
         with np.errstate(invalid="ignore"):
             return np.asarray(share[..., tank] >= RELATED_SHARE * np.max(share, axis=-1)) & (share[..., tank] > 0.0)
 
     def slosh_disc_margin(self, tank: int) -> tuple[Array, Array]:
-        """Return the least disc margin among a tank's minima, signed, and its frequency in rad/s; inf and nan if none."""
+        """Return the least disc margin among a tank's minima, signed, and where in rad/s; inf and nan if none."""
         value = np.where(self.related(tank), self.minima.value, np.inf)
         k = np.argmin(value, axis=-1)[..., None]
         least = np.take_along_axis(value, k, axis=-1)[..., 0]
@@ -156,14 +156,14 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     GM, PM = criteria.gain_margin, criteria.phase_margin
     curves = sampled(loop, GM, PM)
 
-    def squared(omega: Array, index: Array) -> Array:
+    def squared(omega: Array, index: IntArray) -> Array:
         return nichols_disc_margin(transfer(loop.take(index), 1j * omega).loop, GM, PM) ** 2
 
-    def gain(omega: Array, index: Array) -> Array:
+    def gain(omega: Array, index: IntArray) -> Array:
         return np.log(np.abs(transfer(loop.take(index), 1j * omega).loop))
 
-    def phase(omega: Array, index: Array) -> Array:
-        return np.angle(-transfer(loop.take(index), 1j * omega).loop)
+    def phase(omega: Array, index: IntArray) -> Array:
+        return np.asarray(np.angle(-transfer(loop.take(index), 1j * omega).loop), dtype=float)
 
     k = _valleys(curves, nichols_disc_margin(curves.loop, GM, PM))
     owner = curves.index[k]
@@ -193,7 +193,7 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     at_p = transfer(loop.take(p_index), 1j * p_omega).loop
     parts = (
         (owner, m_omega, np.sqrt(np.maximum(np.asarray(found.f_x), 0.0)), True),
-        (g_index, g_omega, np.angle(-at_g), False),
+        (g_index, g_omega, np.asarray(np.angle(-at_g), dtype=float), False),
         (p_index, p_omega, 1.0 / np.abs(at_p), False),
     )
     points = [_padded(batch, i, w, v, _shares(loop, i, w), by_value) for i, w, v, by_value in parts]
@@ -209,7 +209,7 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     )
 
 
-def _valleys(curves: Curves, distance: Array) -> Array:
+def _valleys(curves: Curves, distance: Array) -> IntArray:
     """Return the positions of samples that are not above their neighbours on the same curve."""
     same = curves.index[1:] == curves.index[:-1]
     inner = same[1:] & same[:-1]
@@ -217,7 +217,7 @@ def _valleys(curves: Curves, distance: Array) -> Array:
     return np.flatnonzero(inner & low) + 1
 
 
-def _shares(loop: Loop, index: Array, omega: Array) -> Array:
+def _shares(loop: Loop, index: IntArray, omega: Array) -> Array:
     """Return how the neutral frequency at each point follows each tank's frequency, and the remainder, (K, n+1).
 
     Degrade the loop by a constant k so that k L(jw) = -1: its neutral frequency moves with w_j by
@@ -233,7 +233,9 @@ def _shares(loop: Loop, index: Array, omega: Array) -> Array:
     return np.concatenate([tanks, 1.0 - np.sum(tanks, axis=-1, keepdims=True)], axis=-1)
 
 
-def _padded(batch: tuple[int, ...], index: Array, omega: Array, value: Array, share: Array, by_value: bool) -> Points:
+def _padded(
+    batch: tuple[int, ...], index: IntArray, omega: Array, value: Array, share: Array, by_value: bool
+) -> Points:
     """Sort points into their loops, by value or by frequency, and fill up with nan."""
     order = np.lexsort((value if by_value else omega, index))
     index, omega, value, share = index[order], omega[order], value[order], share[order]

@@ -8,7 +8,7 @@ from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.dynamics.response import transfer
-from sloshpy.units import Array, ComplexArray, Real
+from sloshpy.units import Array, ComplexArray, IntArray, Real
 
 
 def nichols_disc_margin(loop: ComplexArray, gain_margin: Real, phase_margin: Real) -> Array:
@@ -33,11 +33,11 @@ class Curves:
     index: which loop of the flattened batch each point belongs to. omega: rad/s. loop: L(j omega).
     """
 
-    index: Array
+    index: IntArray
     omega: Array
     loop: ComplexArray
 
-    def pairs(self) -> Array:
+    def pairs(self) -> IntArray:
         """Return the positions k for which k and k+1 are neighbours on one curve."""
         return np.flatnonzero(self.index[1:] == self.index[:-1])
 
@@ -70,7 +70,7 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
     return Curves(index=index, omega=omega, loop=response)
 
 
-def _placed(loop: Loop) -> tuple[Array, Array]:
+def _placed(loop: Loop) -> tuple[IntArray, Array]:
     """Return first frequencies of each loop of the flattened batch: clusters about its poles and zeros."""
     batch = loop.batch
     broken, _ = system_matrix(loop, closed=False)

@@ -1,6 +1,6 @@
 """Least slosh damping that a tank needs: suprema over damping, never roots (the disc margin is a distance)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth
 from sloshpy.stability.margins import loop_margins
-from sloshpy.units import Array
+from sloshpy.units import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +79,7 @@ def loop_required_damping(
     batch = loop.batch
     size = int(np.prod(batch))
 
-    def shortfall(ratio: Array, index: Array) -> tuple[Array, Array]:
+    def shortfall(ratio: Array, index: IntArray) -> tuple[Array, Array]:
         """Return how far each loop is from stability (growth) and from the threshold (positive: short of it)."""
         one = _with_ratio(loop, index, tank, ratio)
         found = loop_margins(one.along(), criteria)
@@ -90,10 +90,10 @@ def loop_required_damping(
     index, ratio = (x.ravel() for x in np.meshgrid(np.arange(size), grid, indexing="ij"))
     growth, short = (x.reshape(size, levels) for x in shortfall(ratio, index))
 
-    def growing(ratio: Array, index: Array) -> Array:
+    def growing(ratio: Array, index: IntArray) -> Array:
         return greatest_growth(_with_ratio(loop, index, tank, ratio))
 
-    def lacking(ratio: Array, index: Array) -> Array:
+    def lacking(ratio: Array, index: IntArray) -> Array:
         growth, short = shortfall(ratio, index)
         return np.where(np.isinf(short), -1.0, np.where(growth < 0.0, short, np.maximum(short, disc_margin)))
 
@@ -113,17 +113,15 @@ def loop_required_damping(
     )
 
 
-def _with_ratio(loop: Loop, index: Array, tank: int, ratio: Array) -> Loop:
+def _with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
     """Return loops of the flattened batch, each with its own damping of one tank."""
-    from dataclasses import replace
-
     one = loop.take(index)
     damping = np.broadcast_to(one.damping, (*np.shape(ratio), one.damping.shape[-1])).copy()
     damping[..., tank] = ratio
     return replace(one, damping=damping)
 
 
-def _supremum(bad: Array, grid: Array, function: Any) -> Array:
+def _supremum(bad: BoolArray, grid: Array, function: Any) -> Array:
     """Return the greatest damping that is bad, refined between the last bad level and the next; 0 if none, nan if all.
 
     Args:

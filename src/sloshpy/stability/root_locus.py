@@ -67,7 +67,7 @@ def root_locus(case: Case, damping: Real | None = None, gain: Array | None = Non
     gain = np.geomspace(1e-3, 1e2, 401) if gain is None else np.asarray(gain, dtype=float)
     pilot = case.autopilot.model_copy(update={"gain": np.asarray(case.autopilot.gain) * gain})
     values = closed_loop_eigenvalues(replace(loop, autopilot=pilot))
-    start = np.linalg.eigvals(system_matrix(loop, closed=False)[0])
+    start = np.linalg.eigvals(system_matrix(loop, closed=False)[0]).astype(complex)
     poles = open_loop_poles(loop)
     closed = closed_loop_poles(loop)
     return RootLocus(

@@ -1,0 +1,5 @@
+"""`python -m sloshpy` is `sloshpy`."""
+
+from sloshpy.cli import main
+
+main()

@@ -1,0 +1,311 @@
+"""The command line: one subcommand per verb; it parses, calls and prints."""
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+import numpy as np
+from cyclopts import Parameter
+from rich.console import Console
+from rich.text import Text
+
+from sloshpy.assess import Assessment, assess
+from sloshpy.case import Case
+from sloshpy.errors import InputError, OutsideValidity, Problem
+from sloshpy.files import case_schema, example_names, read_case, write_example
+from sloshpy.limit_cycle import LimitCycle, predict_limit_cycle
+from sloshpy.simulation import simulate
+from sloshpy.stability import damping_sweep, required_damping_map, root_locus
+from sloshpy.units import Array, UnitError, parse
+
+app = cyclopts.App(
+    name="sloshpy",
+    version=version("sloshpy"),
+    help="Decide whether propellant slosh and a rocket's autopilot get along.",
+    help_format="plaintext",
+)
+
+CaseFile = Annotated[Path, Parameter(help="case file (TOML)")]
+Output = Annotated[
+    Path | None,
+    Parameter(name=["-o", "--output"], help="figure file, format by suffix; default: a PNG beside the case"),
+]
+Damping = Annotated[
+    str | None, Parameter(help="slosh damping: 4.8% for every tank, or LOX=4.8%,LH2=1%; default: small amplitude")
+]
+Dampings = Annotated[str | None, Parameter(help="dampings to sweep, as in 1%,3%,4.8%; default: four telling ones")]
+Amplitude = Annotated[
+    str | None, Parameter(help="slosh amplitude at which each law is read: 0.2m, or LOX=0.2m,LH2=0.1m")
+]
+Tank = Annotated[str | None, Parameter(help="name of the tank; default: the first")]
+
+
+@app.command(name="assess")
+def assess_command(
+    case: CaseFile,
+    *,
+    json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
+    report: Annotated[Path | None, Parameter(help="write a self-contained HTML report")] = None,
+    figures: Annotated[Path | None, Parameter(help="write every figure into this folder")] = None,
+    damping: Damping = None,
+    amplitude: Amplitude = None,
+) -> int:
+    """Review a case: verdict with reasons, margins, danger zone, required damping, limit cycles.
+
+    Exit status: 0 the criteria are met, 1 one is not (or no verdict is supported), 2 the input was refused.
+    """
+    read = read_case(case)
+    review = assess(read, **_read_at(read, damping, amplitude))
+    if report is not None or figures is not None:
+        from sloshpy.report import write_figures, write_report  # matplotlib: only when something is drawn
+
+        if figures is not None:
+            write_figures(review, figures)
+        if report is not None:
+            write_report(review, report)
+    if json:
+        print(review.to_json())
+    else:
+        _print_review(review)
+    return 0 if review.verdict == "pass" else 1
+
+
+@app.command
+def bode(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output: Output = None) -> int:
+    """Draw the open-loop Bode diagram for a sweep of slosh damping (fig 5)."""
+    return _sweep(case, damping, tank, output, "bode")
+
+
+@app.command
+def nichols(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output: Output = None) -> int:
+    """Draw the Nichols chart with the disc-margin ellipse for a sweep of slosh damping (fig 6)."""
+    return _sweep(case, damping, tank, output, "nichols")
+
+
+@app.command
+def gain(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output: Output = None) -> int:
+    """Draw the gain from engine angle to slosh displacement for a sweep of slosh damping (fig 7)."""
+    return _sweep(case, damping, tank, output, "tvc_gain")
+
+
+@app.command
+def sweep(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output: Output = None) -> int:
+    """Print and draw the disc margin, signed by stability, against slosh damping."""
+    return _sweep(case, damping, tank, output, "damping_sweep")
+
+
+@app.command
+def locus(case: CaseFile, *, damping: Damping = None, output: Output = None) -> int:
+    """Draw the root locus over the loop gain (fig 4), by default without slosh damping."""
+    from sloshpy import plots  # matplotlib: only when something is drawn
+
+    read = read_case(case)
+    result = root_locus(read, None if damping is None else _damping(read, damping))
+    print(result)
+    return _save(plots.plot_root_locus(result), case, output, "locus")
+
+
+@app.command
+def danger_zone(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+    """Print the danger zone and draw the damping needed along the vehicle."""
+    from sloshpy import plots  # as above
+
+    read = read_case(case)
+    result = required_damping_map(read, _tank(read, tank))
+    print(result)
+    return _save(plots.plot_danger_zone(result), case, output, "danger-zone")
+
+
+@app.command
+def limit_cycle(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+    """Predict the limit cycle under degraded margins by the paper's five steps and draw it (fig 8)."""
+    from sloshpy import plots  # as above
+
+    read = read_case(case)
+    result = predict_limit_cycle(read, _tank(read, tank))
+    print(result)
+    if not result.band.size:
+        print("no figure: there is no limit cycle to draw")
+        return _accepted(result)
+    _save(plots.plot_limit_cycle(result), case, output, "limit-cycle")
+    return _accepted(result)
+
+
+@app.command(name="simulate")
+def simulate_command(
+    case: CaseFile,
+    *,
+    duration: Annotated[str, Parameter(help="length of the run")] = "200 s",
+    initial_slosh: Annotated[str, Parameter(help="displacement of every slosh mass at the start")] = "0.01 m",
+    gain: Annotated[str, Parameter(help="extra loop gain")] = "0 dB",
+    delay: Annotated[str, Parameter(help="extra delay")] = "0 s",
+    degraded: Annotated[
+        bool, Parameter(negative="", help="add the gain and delay that the five steps predict to be neutral")
+    ] = False,
+    damping: Damping = None,
+    tank: Tank = None,
+    output: Output = None,
+) -> int:
+    """Simulate the loop with nonlinear damping and draw slosh and engine angle over time (fig 9)."""
+    from sloshpy import plots  # as above
+
+    read = read_case(case)
+    extra = _quantity("--gain", gain, "dB"), _quantity("--delay", delay, "s")
+    if degraded:
+        predicted = predict_limit_cycle(read, _tank(read, tank))
+        if not predicted.band.size or predicted.delay < 0.0:
+            why = "; ".join(predicted.reasons) or "it is a phase advance, which no delay makes"
+            raise OutsideValidity(f"no degradation to simulate: {why}")
+        extra = extra[0] * predicted.gain, extra[1] + predicted.delay
+    changed = read.model_copy(update={"autopilot": read.autopilot.degraded(*extra)})
+    result = simulate(
+        changed,
+        _quantity("--duration", duration, "s"),
+        _quantity("--initial-slosh", initial_slosh, "m"),
+        None if damping is None else _damping(read, damping),
+    )
+    print(result)
+    return _save(plots.plot_time_history(result), case, output, "simulate")
+
+
+@app.command
+def validate(case: CaseFile) -> int:
+    """Check a case file and say what was read."""
+    read = read_case(case)
+    tanks = ", ".join(tank.name for tank in read.vehicle.tanks)
+    print(f"{case}: valid. {read.name}; tanks: {tanks}")
+    return 0
+
+
+@app.command
+def schema() -> int:
+    """Print the JSON schema of the case file, for completion in an editor."""
+    print(json.dumps(case_schema(), indent=1))
+    return 0
+
+
+@app.command
+def example(name: Annotated[str, Parameter(help="name of a shipped example")] = "") -> int:
+    """Write a shipped example case to the current folder; without a name, list them."""
+    print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(example_names()))
+    return 0
+
+
+def main() -> None:
+    """Run the command line; faults of the input go to standard error with exit status 2."""
+    try:
+        status = app(exit_on_error=False)
+    except cyclopts.CycloptsError:
+        status = 2  # its message is on standard error already
+    except InputError as error:
+        for problem in error.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        status = 2
+    except (OutsideValidity, ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        status = 2
+    sys.exit(status)
+
+
+def _sweep(case: Path, damping: str | None, tank: str | None, output: Path | None, figure: str) -> int:
+    from sloshpy import plots  # as above
+
+    read = read_case(case)
+    values = None if damping is None else np.array([_ratio("--damping", text) for text in damping.split(",")])
+    result = damping_sweep(read, values, _tank(read, tank))
+    print(result)
+    draw = {
+        "bode": plots.plot_bode,
+        "nichols": plots.plot_nichols,
+        "tvc_gain": plots.plot_tvc_gain,
+        "damping_sweep": plots.plot_damping_sweep,
+    }
+    return _save(draw[figure](result), case, output, figure.replace("_", "-"))
+
+
+def _save(axes: Any, case: Path, output: Path | None, name: str) -> int:
+    from sloshpy import plots  # as above
+
+    path = case.with_name(f"{case.stem}-{name}.png") if output is None else output
+    plots.save_figure(axes, path)
+    print(f"figure: {path}")
+    return 0
+
+
+def _print_review(review: Assessment) -> None:
+    first, _, rest = str(review).partition("\n")
+    style = {"pass": "bold green", "fail": "bold red"}.get(review.verdict, "bold yellow")
+    Console(soft_wrap=True, highlight=False).print(Text(first, style=style))
+    print(rest)
+
+
+def _accepted(result: LimitCycle) -> int:
+    return 0 if result.acceptable else 1
+
+
+def _read_at(case: Case, damping: str | None, amplitude: str | None) -> dict[str, Array]:
+    """Return what the loop is read at, from the options."""
+    if damping is not None and amplitude is not None:
+        raise InputError(
+            Problem(key="--damping and --amplitude", value="", rule="exclude each other", cure="give one of them")
+        )
+    if damping is not None:
+        return {"damping": _damping(case, damping)}
+    if amplitude is not None:
+        named = _named(case, "--amplitude", amplitude)
+        return {"amplitude": np.array([_quantity("--amplitude", t, "m") if t else 0.0 for t in named])}
+    return {}
+
+
+def _damping(case: Case, text: str) -> Array:
+    from sloshpy.dynamics import open_loop
+
+    given = _named(case, "--damping", text)
+    return np.array([_ratio("--damping", t) if t else xi for t, xi in zip(given, open_loop(case).damping, strict=True)])
+
+
+def _named(case: Case, option: str, text: str) -> list[str]:
+    """Return the text meant for each tank: one for all, or NAME=text,NAME=text; "" where a tank is not named."""
+    names = [tank.name for tank in case.vehicle.tanks]
+    if "=" not in text:
+        return [text] * len(names)
+    given: dict[str, str] = {}
+    for part in text.split(","):
+        name, _, value = (x.strip() for x in part.partition("="))
+        if name not in names or not value:
+            raise InputError(
+                Problem(
+                    key=option,
+                    value=part,
+                    rule="names no tank",
+                    cure=f"write {names[0]}=VALUE; tanks: {', '.join(names)}",
+                )
+            )
+        given[name] = value
+    return [given.get(name, "") for name in names]
+
+
+def _tank(case: Case, name: str | None) -> int:
+    names = [tank.name for tank in case.vehicle.tanks]
+    if name is not None and name not in names:
+        raise InputError(
+            Problem(key="--tank", value=name, rule="is no tank of the case", cure=f"one of {', '.join(names)}")
+        )
+    return 0 if name is None else names.index(name)
+
+
+def _ratio(option: str, text: str) -> float:
+    value = _quantity(option, text, "1")
+    if not 0.0 <= value <= 1.0:
+        raise InputError(Problem(key=option, value=text, rule="must be between 0 and 1", cure='a percentage is "4.8%"'))
+    return value
+
+
+def _quantity(option: str, text: str, unit: str) -> float:
+    try:
+        return parse(text, unit)
+    except UnitError as error:
+        raise InputError(Problem(key=option, value=text, rule=error.rule, cure=error.cure)) from None
