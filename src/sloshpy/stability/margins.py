@@ -8,7 +8,7 @@ import numpy as np
 from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth, unstable_count
-from sloshpy.dynamics.response import transfer
+from sloshpy.dynamics.response import tank_sensitivity, transfer
 from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled
 from sloshpy.units import Array, BoolArray, IntArray, Real
 
@@ -225,7 +225,7 @@ def _shares(loop: Loop, index: IntArray, omega: Array) -> Array:
     with the rigid body's and its controller's as the remainder.
     """
     one, s = loop.take(index), 1j * omega
-    sensitivity = transfer(one, s).sensitivity
+    sensitivity = tank_sensitivity(one, s)
     h = 1e-7  # relative; far inside any resonance of 1e-5 damping, and 1e-9 of rounding
     slope = (transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h)
     with np.errstate(divide="ignore", invalid="ignore"):
