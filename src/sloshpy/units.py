@@ -25,6 +25,7 @@ _UNIT = re.compile(r"(?:[^\W\d]\w*|[*/() ]|\^-?\d{1,2}(?:\.\d{1,6})?|\^\(-?\d{1,
 _TOWER = re.compile(r"\^[-\d./()]*\^")  # m^9^9^9 would keep pint busy for ever
 _HYPHEN = re.compile(r"(?<=[A-Za-z\d)])-(?=[A-Za-z(])")  # slug-ft^2 is a product, not a subtraction
 _ANGLES = {"radian", "degree", "turn", "revolution", "cycle", "arcminute", "arcsecond", "revolutions_per_minute"}
+_SIGNS = {ord(k): v for k, v in {"²": "^2", "³": "^3", "·": "*", "×": "*", "−": "-", "°": "deg"}.items()}
 _NOT_A_UNIT = (
     ArithmeticError,
     AssertionError,
@@ -130,7 +131,7 @@ def _convert(value: float, name: str, unit: str) -> float:
 
     if '"' in name or "'" in name:
         raise UnitError("has a quotation mark for a unit", "write in or ft, as in 100 in")
-    plain = name.translate(str.maketrans({"²": "^2", "³": "^3", "·": "*", "×": "*", "−": "-", "°": "deg"}))
+    plain = name.translate(_SIGNS)
     plain = _HYPHEN.sub("*", plain).replace("%", "percent").replace("**", "^")
     below = plain.removeprefix("1/")
     registry = _registry()
@@ -268,7 +269,7 @@ class Quantity:
         from_file = bool(info.context and info.context.get("file"))
         if self.sequence:
             if isinstance(value, str) or not np.iterable(value):
-                raise refusal((), "must be a list", f"write [{example(self.unit)}, ...]")
+                raise refusal((), "must be a list", f"write [{example(self.unit).split(' or ')[0]}, ...]")
             read = np.array([self._item(k, v, from_file) for k, v in enumerate(value)], dtype=float)
         elif isinstance(value, np.ndarray) and not from_file:
             if value.dtype.kind not in "iuf":

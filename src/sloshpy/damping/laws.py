@@ -119,7 +119,7 @@ class PowerDamping(_Law):
     def coefficient(self, natural_frequency: float) -> float:
         """Return c of the damping acceleration -c |v|^p v; for p = 1 it is b = 3 pi alpha / 4, eqs 14 and 19."""
         alpha, p, w = self.slope, self.exponent, natural_frequency
-        return 2.0 * alpha * w ** (1.0 - p) / describing_function_factor(p)
+        return float(2.0 * alpha * w ** (1.0 - p) / describing_function_factor(p))
 
     def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
         return np.asarray(-self.coefficient(natural_frequency) * np.abs(velocity) ** self.exponent * velocity)  # eq 14
@@ -200,7 +200,7 @@ class TableDamping(_Law):
         return np.asarray(-w * self._force(np.abs(v) / w) * v)
 
     def amplitude(self, ratio: Real) -> Array:
-        return np.vectorize(self._amplitude, otypes=[float])(ratio)
+        return np.asarray(np.vectorize(self._amplitude, otypes=[float])(ratio))
 
     def _amplitude(self, ratio: float) -> float:
         if self.tested_ratio[-1] < ratio:
@@ -235,7 +235,7 @@ class SumDamping(_Law):
         return np.asarray(sum(law.acceleration(velocity, natural_frequency) for law in self.of))
 
     def amplitude(self, ratio: Real) -> Array:
-        return np.vectorize(self._amplitude, otypes=[float])(ratio)
+        return np.asarray(np.vectorize(self._amplitude, otypes=[float])(ratio))
 
     def _amplitude(self, ratio: float) -> float:
         """Search downwards from where the sum suffices to the last amplitude where it does not."""
