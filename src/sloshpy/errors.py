@@ -21,7 +21,7 @@ class Problem:
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: " if self.file else ""
         value = f": {self.value}" if self.value else ""
-        cure = f" Cure: {self.cure}." if self.cure else ""
+        cure = f" Cure: {self.cure}{'' if self.cure.endswith('?') else '.'}" if self.cure else ""
         return f"{place}{self.key}{value}; {self.rule}.{cure}"
 
 

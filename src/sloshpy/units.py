@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,8 +23,21 @@ IntArray = NDArray[np.integer[Any]]
 Real = float | Array
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_UNIT = re.compile(r"(?:[^\W\d]\w*|[*/() ]|\^-?\d{1,2}(?:\.\d{1,6})?|\^\(-?\d{1,2}/\d{1,2}\))+")
+_TOWER = re.compile(r"\^[-\d./()]*\^")  # m^9^9^9 would keep pint busy for ever
 _HYPHEN = re.compile(r"(?<=[A-Za-z\d)])-(?=[A-Za-z(])")  # slug-ft^2 is a product, not a subtraction
 _ANGLES = {"radian", "degree", "turn", "revolution", "cycle", "arcminute", "arcsecond", "revolutions_per_minute"}
+_SIGNS = {ord(k): v for k, v in {"²": "^2", "³": "^3", "·": "*", "×": "*", "−": "-", "°": "deg"}.items()}
+_NOT_A_UNIT = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    TokenError,
+)
 _EXAMPLES = {
     "kg": '"16000 kg" or "35274 lbm"',
     "kg*m^2": '"9e5 kg*m^2" or "6.6e5 slug*ft^2"',
@@ -107,6 +121,8 @@ def parse(text: str, unit: str) -> float:
     if unit == "dB":
         if name != "dB":
             raise UnitError("must be in dB", 'write the gain as in "6 dB"; a ratio k is 20 log10(k) dB')
+        if abs(value) > 6000.0:
+            raise UnitError("is out of range", 'write the gain as in "6 dB"')
         return float(10.0 ** (value / 20.0))
     if not name:
         if unit == "1":
@@ -121,12 +137,15 @@ def _convert(value: float, name: str, unit: str) -> float:
     if '"' in name or "'" in name:
         raise UnitError("has a quotation mark for a unit", "write in or ft, as in 100 in")
     plain = name.translate(_SIGNS)
-    plain = _HYPHEN.sub("*", plain).replace("%", "percent")
+    plain = _HYPHEN.sub("*", plain).replace("%", "percent").replace("**", "^")
+    below = plain.removeprefix("1/")
     registry = _registry()
     try:
-        written = registry.parse_units(plain) if not plain.startswith("1/") else registry.parse_units(plain[2:]) ** -1
+        if len(below) > 60 or _UNIT.fullmatch(below) is None or _TOWER.search(below):
+            raise ValueError("not a product of powers of names")
+        written = registry.parse_units(below if below == plain else f"dimensionless/{below}")
         wanted = registry.parse_units("dimensionless" if unit == "1" else unit)
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError, AssertionError, KeyError):
+    except (*_NOT_A_UNIT, pint.errors.PintError):
         close = difflib.get_close_matches(
             plain, ["rad/s", "Hz", "kg", "lbm", "slug", "lbf", "ft", "deg", "mrad", "kN"], n=1
         )
@@ -136,6 +155,8 @@ def _convert(value: float, name: str, unit: str) -> float:
         raise UnitError(
             f"is {_kind(written)}, must be {_kind(wanted)}", _cure_dimension(plain, unit) or f"write {example(unit)}"
         )
+    if not registry.Quantity(1.0, written)._is_multiplicative:
+        raise UnitError("is on a logarithmic scale or one with an offset", f"write {example(unit)}")
     powers = {str(u): p for u, p in written._units.items()}
     cyclic = sum(p for u, p in powers.items() if u.endswith("hertz"))
     angular = sum(p for u, p in powers.items() if u in _ANGLES or u.endswith("radian"))
@@ -253,8 +274,8 @@ class Quantity:
         from_file = bool(info.context and info.context.get("file"))
         if self.sequence:
             if isinstance(value, str) or not np.iterable(value):
-                raise refusal((), "must be a list", f"write [{example(self.unit)}, ...]")
-            read = np.array([self._one(v, from_file) for v in value], dtype=float)
+                raise refusal((), "must be a list", f"write [{example(self.unit).split(' or ')[0]}, ...]")
+            read = np.array([self._item(k, v, from_file) for k, v in enumerate(value)], dtype=float)
         elif isinstance(value, np.ndarray) and not from_file:
             if value.dtype.kind not in "iuf":
                 raise refusal((), f"is an array of {value.dtype}", "give an array of real numbers in SI units")
@@ -263,9 +284,20 @@ class Quantity:
             single = self._one(value, from_file)
             self._check(single)
             return single
-        self._check(read)
+        if not self.sequence:
+            self._check(read)
         read.setflags(write=False)
         return read
+
+    def _item(self, index: int, value: Any, from_file: bool) -> float:
+        """Read one item of a list; its error says which."""
+        try:
+            single = self._one(value, from_file)
+            self._check(single)
+        except PydanticCustomError as error:
+            words = error.context or {}
+            raise refusal((index,), words["rule"], words["cure"]) from None
+        return single
 
     def _one(self, value: Any, from_file: bool) -> float:
         if isinstance(value, str):
@@ -275,7 +307,7 @@ class Quantity:
                 raise refusal((), error.rule, error.cure) from None
         if isinstance(value, bool | complex) or not isinstance(value, int | float | np.integer | np.floating):
             raise refusal((), "is not a number", f"write {example(self.unit)}")
-        if not math.isfinite(value):
+        if (isinstance(value, int) and abs(value) > 10**300) or not math.isfinite(value):
             raise refusal((), "must be finite", f"write {example(self.unit)}")
         if from_file and self.unit != "1":
             unit = {"rad/s": "rad/s or Hz", "rad": "deg or rad"}.get(self.unit, self.unit)

@@ -19,9 +19,8 @@ from sloshpy.units import Array, Quantity, Real, UnitError, parse, refusal
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-MOST_DAMPING = (
-    0.3  # above this a "damping ratio" is a percentage, a log decrement or 2 xi (a factor 3 above any baffle)
-)
+# Above this a "damping ratio" is a percentage, a log decrement or 2 xi; it is a factor 3 above any baffle.
+MOST_DAMPING = 0.3
 _HINT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
 
 
@@ -96,8 +95,14 @@ class PowerDamping(_Law):
         if not isinstance(data, dict) or "slope" not in data:
             return data
         p, slope = data.get("exponent", 1.0), data["slope"]
-        if isinstance(p, bool) or not isinstance(p, int | float):
-            return data  # the exponent's own check says what is wrong
+        if isinstance(p, str):
+            try:
+                p = parse(p, "1")
+            except UnitError:
+                p = None
+        if isinstance(p, bool) or not isinstance(p, int | float) or not 0.0 < p <= 4.0:
+            # the exponent's own check says what is wrong; without it the slope has no unit to be read in
+            return data | {"slope": 1.0} if isinstance(slope, str) else data
         cure = f'write "0.1 1/m^{p:g}"' if p != 1 else 'write "0.1 1/m"'
         if isinstance(slope, str):
             try:
@@ -133,7 +138,6 @@ class TableDamping(_Law):
     tested_ratio: Annotated[
         Array, Quantity("1", "xi", "damping ratios", least=0.0, most=MOST_DAMPING, sequence=True, hint=_HINT)
     ] = Field(alias="ratio")
-    file: str | None = Field(default=None, description="CSV file with columns amplitude and ratio, units in the header")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -143,10 +147,16 @@ class TableDamping(_Law):
                 ("ratio",), f"has {len(xi)} values for {len(A)} amplitudes", "give one ratio for each amplitude"
             )
         if len(A) < 2:
-            raise refusal(("amplitude",), f"has {len(A)} row", 'give at least two, or use law = "constant"')
+            raise refusal(
+                ("amplitude",),
+                f"has {len(A)} row{'' if len(A) == 1 else 's'}",
+                'give at least two, or use law = "constant"',
+            )
         if np.any(np.diff(A) <= 0.0):
             k = int(np.argmax(np.diff(A) <= 0.0))
-            raise refusal(("amplitude",), f"must increase, but {A[k + 1]:g} m follows {A[k]:g} m", "sort the rows")
+            raise refusal(
+                ("amplitude", k + 1), f"must increase, but {A[k + 1]:g} m follows {A[k]:g} m", "sort the rows"
+            )
         return self
 
     @property

@@ -50,7 +50,7 @@ class Vehicle(BaseModel):
                 )
             seen[tank.name.casefold()] = j
         share = 1.0 - self.mass_matrix_margin
-        if np.any(share >= 1.0):
+        if not np.all(share < 1.0):  # so that an overflow to nan is refused too
             heaviest = int(np.argmax([np.max(tank.slosh_mass) for tank in self.tanks]))
             raise refusal(
                 ("tanks", heaviest, "slosh_mass"),
@@ -75,9 +75,11 @@ class Vehicle(BaseModel):
         The slosh block left by eliminating Z and phi is 1 - a a' - b b' with a = sqrt(m/M), b = l sqrt(m/I); its least
         eigenvalue is one minus the greatest of the 2 x 2 Gram matrix of a and b. It must be positive.
         """
-        M, I = self.mass, self.inertia
+        M, I = np.asarray(self.mass), np.asarray(self.inertia)  # an overflow is inf, not an exception
         aa, bb, ab = np.zeros(()), np.zeros(()), np.zeros(())
         for tank in self.tanks:
-            m, l = tank.slosh_mass, self.lever(tank)
-            aa, bb, ab = aa + m / M, bb + m * l**2 / I, ab + m * l / np.sqrt(M * I)
-        return np.asarray(1.0 - 0.5 * (aa + bb) - np.sqrt(0.25 * (aa - bb) ** 2 + ab**2))
+            m, l = np.asarray(tank.slosh_mass), np.asarray(self.lever(tank))
+            with np.errstate(over="ignore", invalid="ignore", under="ignore", divide="ignore"):
+                aa, bb, ab = aa + m / M, bb + m * l**2 / I, ab + m * l / np.sqrt(M * I)
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            return np.asarray(1.0 - 0.5 * (aa + bb) - np.sqrt(0.25 * (aa - bb) ** 2 + ab**2))

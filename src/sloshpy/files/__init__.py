@@ -1,0 +1,9 @@
+"""Files: cases in and out, damping tables, the shipped examples and the schema of the case file."""
+
+from sloshpy.files.case_file import read_case
+from sloshpy.files.examples import example_names, write_example
+from sloshpy.files.schema import case_schema
+from sloshpy.files.tables import read_damping_table
+from sloshpy.files.write import write_case
+
+__all__ = ["case_schema", "example_names", "read_case", "read_damping_table", "write_case", "write_example"]

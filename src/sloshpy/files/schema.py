@@ -1,0 +1,92 @@
+"""The JSON schema of the case file, for completion and checks in an editor; plain enough for draft 4."""
+
+from typing import Any
+
+from sloshpy.case import Case, Criteria
+from sloshpy.units import decibel
+
+Schema = dict[str, Any]
+
+_DRAFT = "http://json-schema.org/draft-04/schema#"
+_DROPPED = {"discriminator", "default", "title"}  # not of draft 4, or in SI numbers where a text is due
+
+
+def case_schema() -> Schema:
+    """Return the JSON schema of a case file: keys, units, meanings and ranges, without references."""
+    raw = Case.model_json_schema(by_alias=True)
+    schema: Schema = _plain(raw, raw.pop("$defs"))
+    keys = schema["properties"]
+    keys.pop("source")
+    tanks = keys["vehicle"]["properties"].pop("tanks")
+    keys["vehicle"]["required"] = ["mass", "inertia", "cg", "thrust"]
+    keys["tank"] = tanks | {"minItems": 1}
+    for key, default in _criteria_defaults().items():
+        keys["criteria"]["properties"][key]["default"] = default
+    laws = tanks["items"]["properties"]["damping"]["oneOf"]
+    for law in [*laws, *_of_sum(laws)]:
+        _as_in_a_file(law)
+    order = ["name", "vehicle", "tank", "autopilot", "criteria"]
+    return {
+        "$schema": _DRAFT,
+        "title": "slosh case",
+        "description": "A launch vehicle with its slosh masses, its autopilot and the criteria for accepting them.",
+        "type": "object",
+        "properties": {key: keys[key] for key in order},
+        "required": ["name", "vehicle", "tank", "autopilot"],
+        "additionalProperties": False,
+    }
+
+
+def _plain(node: Any, definitions: Schema, named: bool = False) -> Any:
+    """Return a schema with every reference written out; `named`: this table's keys are names of fields."""
+    if isinstance(node, list):
+        return [_plain(one, definitions) for one in node]
+    if not isinstance(node, dict):
+        return node
+    if "$ref" in node:
+        target = definitions[node["$ref"].removeprefix("#/$defs/")]
+        node = target | {key: value for key, value in node.items() if key != "$ref"}
+    if "const" in node:
+        node = {key: value for key, value in node.items() if key != "const"} | {"enum": [node["const"]]}
+    choices = [one for one in node.get("anyOf", []) if one != {"type": "null"}]
+    if "anyOf" in node and len(choices) == 1:  # optional: a TOML file has no null
+        node = {key: value for key, value in node.items() if key != "anyOf"} | choices[0]
+        return _plain(node, definitions)
+    return {
+        key: _plain(value, definitions, named=key == "properties")
+        for key, value in node.items()
+        if named or key not in _DROPPED
+    }
+
+
+def _of_sum(laws: list[Schema]) -> list[Schema]:
+    return [law for one in laws if "of" in one["properties"] for law in one["properties"]["of"]["items"]["oneOf"]]
+
+
+def _as_in_a_file(law: Schema) -> None:
+    """Change, in place, what a law's file form has and its noun has not: units beside the exponent, a table's file."""
+    keys = law["properties"]
+    law["required"] = sorted({*law.get("required", []), "law"})
+    if "slope" in keys:
+        meaning = "damping ratio at an amplitude of 1 m [1/m^exponent], must be > 0"
+        keys["slope"] = {"type": "string", "description": f'{meaning}. Write "0.1 1/m" (exponent 1) or "0.1 1/m^0.5".'}
+    if "amplitude" in keys:
+        law["required"] = ["law"]
+        law["oneOf"] = [{"required": ["amplitude", "ratio"]}, {"required": ["file"]}]
+        keys["file"] = {
+            "type": "string",
+            "description": "CSV file beside the case file, in place of amplitude and ratio; "
+            "header: amplitude [m], ratio [%]",
+        }
+
+
+def _criteria_defaults() -> Schema:
+    """Return the defaults of the criteria as they are written in a file."""
+    criteria = Criteria()
+    return {
+        "gain_margin": f"{float(decibel(criteria.gain_margin)):.6g} dB",
+        "phase_margin": f"{criteria.phase_margin:.9g} rad",
+        "disc_margin": criteria.disc_margin,
+        "limit_cycle_disc_margin": criteria.limit_cycle_disc_margin,
+        "tvc_amplitude": f"{criteria.tvc_amplitude:.9g} rad",
+    }

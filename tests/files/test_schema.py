@@ -1,0 +1,93 @@
+"""The JSON schema describes the case file: it takes the examples and refuses what the reader refuses."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from good_case import GOOD, POWER
+
+from sloshpy.files import case_schema
+
+DATA = Path(__file__).parents[2] / "src" / "sloshpy" / "data"
+_TYPES: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": (int, float)}
+_KNOWN = {"$schema", "title", "description", "default", "type", "properties", "required", "additionalProperties"}
+_KNOWN |= {"items", "minItems", "pattern", "enum", "anyOf", "oneOf"}
+
+
+def _fits(value: Any, schema: dict[str, Any]) -> bool:
+    """Return whether a value fits a schema, for the words of draft 4 that ours uses; any other word fails."""
+    assert set(schema) <= _KNOWN, set(schema) - _KNOWN
+    if "type" in schema and (not isinstance(value, _TYPES[schema["type"]]) or isinstance(value, bool)):
+        return False
+    if "enum" in schema and value not in schema["enum"]:
+        return False
+    if "pattern" in schema and not re.search(schema["pattern"], value):
+        return False
+    if "anyOf" in schema and not any(_fits(value, one) for one in schema["anyOf"]):
+        return False
+    if "oneOf" in schema and sum(_fits(value, one) for one in schema["oneOf"]) != 1:
+        return False
+    if isinstance(value, list):
+        return len(value) >= schema.get("minItems", 0) and all(_fits(one, schema.get("items", {})) for one in value)
+    if isinstance(value, dict):
+        keys = schema.get("properties", {})
+        if not set(schema.get("required", [])) <= set(value):
+            return False
+        if schema.get("additionalProperties", True) is False and not set(value) <= set(keys):
+            return False
+        return all(_fits(one, keys.get(key, {})) for key, one in value.items())
+    return True
+
+
+@pytest.mark.parametrize("file", sorted(DATA.glob("*.toml")), ids=lambda path: path.name)
+def test_the_schema_takes_the_shipped_examples(file: Path) -> None:
+    assert _fits(tomllib.loads(file.read_text()), case_schema())
+    assert file.read_text().startswith("#:schema ./slosh-case.schema.json\n")
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        POWER,
+        '{ law = "table", file = "d.csv" }',
+        '{ law = "table", amplitude = ["0 m", "1 m"], ratio = [0, "1 %"] }',
+        '{ law = "sum", of = [{ law = "constant", ratio = "1 %" }, { law = "table", file = "d.csv" }] }',
+    ],
+)
+def test_the_schema_takes_every_law_of_damping(law: str) -> None:
+    assert _fits(tomllib.loads(GOOD.replace(POWER, law)), case_schema())
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"16000 kg"', "16000"),
+        ('mass = "16000 kg"\n', ""),
+        ('thrust = "900 kN"', 'thrust = "900 kN"\ntanks = []'),
+        ("[criteria]", '[source]\nfile = "x"\n[criteria]'),
+        ("[criteria]", "[criterai]"),
+        ('"LOX"', '"<script>"'),
+        (POWER, '{ law = "power", slope = 0.1 }'),
+        (POWER, '{ law = "cubic" }'),
+        (POWER, '{ law = "table" }'),
+        (POWER, '{ law = "table", file = "d.csv", amplitude = ["0 m"], ratio = [0] }'),
+        (POWER, '{ law = "sum", of = [] }'),
+        ("numerator = [1.0]", "numerator = []"),
+    ],
+)
+def test_the_schema_refuses_what_the_reader_refuses(old: str, new: str) -> None:
+    assert old in GOOD
+    assert not _fits(tomllib.loads(GOOD.replace(old, new, 1)), case_schema())
+
+
+def test_the_schema_is_plain_and_tells_units() -> None:
+    schema = case_schema()
+    text = json.dumps(schema)
+    assert "$ref" not in text
+    assert "$defs" not in text
+    assert "[kg], must be > 0 kg" in schema["properties"]["vehicle"]["properties"]["mass"]["description"]
+    assert "vectored_thrust" not in schema["properties"]["vehicle"]["required"]
+    assert schema["properties"]["criteria"]["properties"]["gain_margin"]["default"] == "6 dB"
