@@ -11,7 +11,7 @@ The public names, in reading order; each is loaded when it is first used.
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
     time         simulate, settled_envelope
     review       assess, write_report, write_figures
-    exchange     to_control, from_control
+    exchange     to_control, response_to_control, from_control
 """
 
 from importlib import import_module
@@ -24,7 +24,15 @@ _ROOMS = {
     "vehicle": ("Vehicle", "SloshMass"),
     "autopilot": ("Autopilot", "Actuator", "Filter"),
     "damping": ("ConstantDamping", "PowerDamping", "TableDamping", "SumDamping"),
-    "files": ("read_case", "write_case", "case_schema", "write_example", "to_control", "from_control"),
+    "files": (
+        "read_case",
+        "write_case",
+        "case_schema",
+        "write_example",
+        "to_control",
+        "response_to_control",
+        "from_control",
+    ),
     "dynamics": ("plant", "state_space", "open_loop", "frequency_response", "closed_loop_poles"),
     "stability": (
         "margins",

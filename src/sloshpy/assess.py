@@ -56,19 +56,13 @@ class Assessment:
     cycles: tuple[Cycle, ...] | None
 
     def __str__(self) -> str:
-        m, hertz = self.margins, 2.0 * np.pi
+        m = self.margins
         lines = [f"{self.verdict.upper()}  {self.case.name}", *(f"  - {reason}" for reason in self.reasons), ""]
         if not m.trusted:
             return "\n".join(lines[:-1])
         state = "stable" if m.stable else "UNSTABLE"
         lines.append(f"Loop ({self.read_at}): {state}, nichols disc margin {float(m.nichols_disc_margin):+.4f}")
-        lines.append(f"  {'mode':20s} {'Hz':>9s} {'rad/s':>9s} {'damping':>10s} {'growth 1/s':>11s}")
-        for value, name in zip(self.poles.value, self.poles.name, strict=True):
-            ratio = -value.real / abs(value) if value else 0.0
-            lines.append(
-                f"  {name:20s} {value.imag / hertz:9.4f} {value.imag:9.4f} {100 * ratio:8.3f} % {value.real:+11.5f}"
-                + (f"  doubles in {math.log(2.0) / value.real:.2f} s" if value.real > 0.0 else "")
-            )
+        lines.append(str(self.poles))
         lines += m.lines()
         lines.append("")
         for tank in self.tanks:
@@ -81,7 +75,7 @@ class Assessment:
         return json.dumps(_plain(self._contract()), indent=1, allow_nan=False)
 
     def _contract(self) -> dict[str, Any]:
-        m, hertz = self.margins, 2.0 * np.pi
+        m, p, hertz = self.margins, self.poles, 2.0 * np.pi
         loop: dict[str, Any] = dict.fromkeys(("stable", "modes", "disc_margin", "minima", "crossings"))
         if m.trusted:
             loop = {
@@ -92,12 +86,12 @@ class Assessment:
                         "kind": kind,
                         "tank": tank,
                         "frequency_hz": value.imag / hertz,
-                        "damping_ratio": -value.real / abs(value) if value else 0.0,
+                        "damping_ratio": ratio,
                         "growth_rate": value.real,
-                        "time_to_double": math.log(2.0) / value.real if value.real > 0.0 else None,
+                        "time_to_double": double,
                     }
-                    for value, name, kind, tank in zip(
-                        self.poles.value, self.poles.name, self.poles.kind, self.poles.tank, strict=True
+                    for value, name, kind, tank, ratio, double in zip(
+                        p.value, p.name, p.kind, p.tank, p.damping_ratio, p.time_to_double, strict=True
                     )
                 ],
                 "disc_margin": {

@@ -58,6 +58,15 @@ class Loop:
 
         return self._mapped(pick)
 
+    def part(self, rows: slice) -> "Loop":
+        """Return some of the loops along the first batch axis."""
+        depth = len(self.batch)
+
+        def pick(x: Array, own: int) -> Array:
+            return x[rows] if x.ndim - own == depth and x.shape[0] > 1 else x
+
+        return self._mapped(pick)
+
     def _mapped(self, change: Any) -> "Loop":
         """Apply a change of the batch axes to every array; `own` is the number of axes that are not the batch's."""
         p, a = self.plant, self.autopilot

@@ -1,7 +1,7 @@
 """Poles of the loop: finite eigenvalues, polished on the exact characteristic function, named by participation."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import slosh_damping, state_space
 from sloshpy.units import Array, ComplexArray
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 @dataclass(frozen=True, kw_only=True)
 class Poles:
@@ -18,7 +21,7 @@ class Poles:
 
     value: rad/s. name, kind, tank: what takes part most in each: "LOX slosh", "slosh", "LOX".
     participation: shares of the groups named in `groups` in each mode, rows sum to 1.
-    drift_poles: neutral poles at the origin that were removed by structure.
+    source: the loop they belong to. drift_poles: neutral poles at the origin that were removed by structure.
     """
 
     value: ComplexArray
@@ -27,12 +30,50 @@ class Poles:
     tank: tuple[str | None, ...]
     groups: tuple[str, ...]
     participation: Array
+    source: Loop
     drift_poles: int
 
     @property
     def stable(self) -> bool:
         """Whether every pole that is not drift lies in the left half-plane."""
         return bool(np.all(np.isfinite(self.value)) and np.all(self.value.real < 0.0))
+
+    @property
+    def damping_ratio(self) -> Array:
+        """-Re s / |s| of each pole; 0 at the origin."""
+        size = np.abs(self.value)
+        return np.asarray(np.where(size > 0.0, -self.value.real / np.where(size > 0.0, size, 1.0), 0.0))
+
+    @property
+    def time_to_double(self) -> Array:
+        """ln 2 / Re s in s; inf where the mode does not grow."""
+        growth = self.value.real
+        return np.asarray(np.where(growth > 0.0, np.log(2.0) / np.where(growth > 0.0, growth, 1.0), np.inf))
+
+    def __str__(self) -> str:
+        lines = [f"  {'mode':20s} {'Hz':>9s} {'rad/s':>9s} {'damping':>10s} {'growth 1/s':>11s}"]
+        for p, name, ratio, double in zip(self.value, self.name, self.damping_ratio, self.time_to_double, strict=True):
+            grows = f"  doubles in {double:.2f} s" if np.isfinite(double) else ""
+            hertz = p.imag / (2.0 * np.pi)
+            lines.append(f"  {name:20s} {hertz:9.4f} {p.imag:9.4f} {100 * ratio:8.3f} % {p.real:+11.5f}{grows}")
+        if self.drift_poles:
+            lines.append(f"  {self.drift_poles} neutral drift poles removed by structure")
+        return "\n".join(lines)
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the poles as an xarray Dataset with units in the attributes."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {
+                "growth": ("mode", self.value.real, {"units": "1/s"}),
+                "omega": ("mode", self.value.imag, {"units": "rad/s"}),
+                "damping_ratio": ("mode", self.damping_ratio, {"units": "1"}),
+                "kind": ("mode", list(self.kind)),
+                "participation": (["mode", "group"], self.participation, {"units": "1"}),
+            },
+            coords={"mode": list(self.name), "group": list(self.groups)},
+        )
 
 
 def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
@@ -224,7 +265,7 @@ def _named(loop: Loop, closed: bool) -> Poles:
     room = {name: groups.count(name) for name in names}
     chosen = _assign(values, by_group, upper, names, room)
     listed = [k for k in upper if chosen.get(k) != "delay" or values[k].real >= 0.0]
-    listed.sort(key=lambda k: _damping(complex(values[k])))
+    listed.sort(key=lambda k: float(-values[k].real) / max(float(np.abs(values[k])), 1e-300))
     label = {k: _label(chosen[k], by_group[k], names) for k in listed}
     tanks = {f"{tank} slosh": tank for tank in loop.plant.tanks}
     return Poles(
@@ -234,6 +275,7 @@ def _named(loop: Loop, closed: bool) -> Poles:
         tank=tuple(tanks.get(label[k]) for k in listed),
         groups=names,
         participation=by_group[listed],
+        source=loop,
         drift_poles=loop.plant.drift_poles,
     )
 
@@ -265,7 +307,3 @@ def _kind(name: str, tanks: dict[str, str]) -> str:
     if name in tanks:
         return "slosh"
     return {"rigid body": "rigid", "actuator": "actuator"}.get(name, "filter")
-
-
-def _damping(value: complex) -> float:
-    return float(-value.real / abs(value)) if value != 0 else 0.0

@@ -2,8 +2,19 @@
 
 from sloshpy.files.case_file import read_case
 from sloshpy.files.examples import example_names, write_example
+from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.schema import case_schema
 from sloshpy.files.tables import read_damping_table
 from sloshpy.files.write import write_case
 
-__all__ = ["case_schema", "example_names", "read_case", "read_damping_table", "write_case", "write_example"]
+__all__ = [
+    "case_schema",
+    "example_names",
+    "from_control",
+    "read_case",
+    "read_damping_table",
+    "response_to_control",
+    "to_control",
+    "write_case",
+    "write_example",
+]

@@ -29,6 +29,7 @@ class DangerZone:
     reason: why the closed form gives no answer here ("" where it does). note: what limits it otherwise.
     """
 
+    case: Case
     tank: str
     l: float
     aft: float
@@ -76,6 +77,7 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
     elif case.autopilot.filter or case.autopilot.actuator or np.any(np.asarray(case.autopilot.delay)):
         note = "derived for PD control alone; the map of required damping takes the whole autopilot"
     return DangerZone(
+        case=case,
         tank=mass.name,
         l=float(v.lever(mass)),
         aft=float(v.acceleration) * (1.0 - m / M) / w**2,  # eq 23

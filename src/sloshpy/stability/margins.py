@@ -44,6 +44,7 @@ class Margins:
     (positive: more lag is needed). phase_crossings: odd multiples of 180 deg, value = gain margin as the ratio 1/|L|,
     within 40 dB.
     groups: names of the shares' last axis, the tanks' slosh first, then the rigid body and its controller.
+    source, criteria: what they were made from.
     """
 
     stable: BoolArray
@@ -53,7 +54,8 @@ class Margins:
     gain_crossings: Points
     phase_crossings: Points
     groups: tuple[str, ...]
-    damping: Array
+    source: Loop
+    criteria: Criteria
 
     @property
     def trusted(self) -> bool:
@@ -205,7 +207,8 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
         gain_crossings=points[1],
         phase_crossings=points[2],
         groups=groups,
-        damping=loop.damping,
+        source=loop,
+        criteria=criteria,
     )
 
 

@@ -25,6 +25,7 @@ class RequiredDamping:
     neutral: for every larger damping the loop is stable. required: and the tank's slosh-related disc margin reaches
     `disc_margin`. 0 where none is needed, nan where none up to critical damping suffices.
     omega: frequency of the least slosh-related disc margin at the required damping, rad/s.
+    source: the loop, whose own damping of this tank plays no part.
     """
 
     tank: str
@@ -32,6 +33,7 @@ class RequiredDamping:
     required: Array
     omega: Array
     disc_margin: float
+    source: Loop
 
     def __str__(self) -> str:
         if np.ndim(self.required):
@@ -110,6 +112,7 @@ def loop_required_damping(
         required=required.reshape(batch),
         omega=omega.reshape(batch),
         disc_margin=disc_margin,
+        source=loop,
     )
 
 

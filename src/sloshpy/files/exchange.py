@@ -1,0 +1,65 @@
+"""Exchange with python-control: loops out as state space, designed filters in."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sloshpy.autopilot import Filter
+from sloshpy.dynamics import FrequencyResponse, Loop
+from sloshpy.dynamics.plant import state_space
+from sloshpy.dynamics.poles import controller
+
+if TYPE_CHECKING:
+    import control
+
+
+def to_control(loop: Loop) -> "control.StateSpace":
+    """Return one loop as a python-control state space from engine command to -(beta fed back): L(s), negative feedback.
+
+    Drift is removed by structure, so that no spurious crossing at zero frequency is found. A delay becomes its Pade
+    approximation of order 8, which state space needs; `response_to_control` keeps it exact.
+    """
+    import control  # 2 to 5 s: only when an exchange is wanted
+
+    if loop.batch:
+        raise ValueError("give one loop, not a batch; take one with `loop.take`")
+    A_p, B_p, C_p = state_space(loop.plant, loop.damping)
+    A_c, B_c, C_c, D_c, _ = controller(loop)
+    a = loop.autopilot
+    sensed = float(a.attitude_gain) * C_p[:1] + float(a.rate_gain) * C_p[1:]
+    n, k = A_p.shape[0], A_c.shape[0]
+    A = np.block([[A_p, np.zeros((n, k))], [B_c[:, None] * sensed, A_c]])
+    B = np.concatenate([B_p, np.zeros(k)])[:, None]
+    C = -np.concatenate([D_c * sensed, C_c[None, :]], axis=1)
+    return control.ss(A, B, C, 0.0, inputs=["engine"], outputs=["loop"], name="slosh_loop")
+
+
+def response_to_control(response: FrequencyResponse) -> "control.FrequencyResponseData":
+    """Return a frequency response of one loop as python-control FRD; the delay in it is exact."""
+    import control  # as above
+
+    if response.loop.ndim != 1:
+        raise ValueError("give the response of one loop, not of a batch")
+    return control.frd(response.loop, response.omega)
+
+
+def from_control(system: "control.lti.LTI") -> Filter:
+    """Return a continuous single-input single-output python-control system as an autopilot filter.
+
+    Raises:
+        ValueError: discrete, several inputs or outputs, improper, or of an order above 10, where polynomial
+            coefficients lose their digits.
+    """
+    import control  # as above
+
+    if not isinstance(system, control.TransferFunction | control.StateSpace):
+        raise ValueError(f"is a {type(system).__name__}; give a transfer function or a state space")
+    if system.isdtime(strict=True):
+        raise ValueError("is discrete; give the continuous filter")
+    if not system.issiso():
+        raise ValueError(f"has {system.ninputs} inputs and {system.noutputs} outputs; give a filter with one of each")
+    transfer = control.tf(system)
+    top, bottom = np.trim_zeros(transfer.num[0][0], "f"), np.trim_zeros(transfer.den[0][0], "f")
+    if len(bottom) > 11:
+        raise ValueError(f"has order {len(bottom) - 1}; split it into filters of order 10 at most")
+    return Filter(numerator=tuple(map(float, top)), denominator=tuple(map(float, bottom)))
