@@ -56,7 +56,7 @@ def with_sloshpy(points: list[dict[str, float]]) -> GridSweep:
 
 
 def matrices(p: dict[str, float], xi: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the peers' state space from eqs 9-12 (sign of eq 1 and table 1 corrected), outputs -(a0 phi + a1 phi'), z."""
+    """Return the peers' state space from eqs 9-12, errata corrected; outputs -(a0 phi + a1 phi') and z."""
     M, I, m, w, l = p["mass"], p["inertia"], p["m"], p["w"], p["cg"] - p["X"]
     k3, c2 = p["thrust"] / M, p["thrust"] * p["cg"] / I
     E, A = np.eye(6), np.zeros((6, 6))

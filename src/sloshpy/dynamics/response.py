@@ -49,8 +49,8 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
         with np.errstate(divide="ignore", invalid="ignore"):  # infinite on an undamped pole, as it must be
             z = z_b[..., 0] / (1.0 + sd[..., 0] * Z_a[..., 0, 0])
             return Transfer(loop=(s * Y_a[..., 0]) * excess_damping(loop)[..., 0] * z - Y_b, slosh=z[..., None])
-    z = np.linalg.solve(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], z_b[..., None])[..., 0]
-    return Transfer(loop=np.sum(Y_a * sd * z, axis=-1) - Y_b, slosh=z)
+    several = np.linalg.solve(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], z_b[..., None])[..., 0]
+    return Transfer(loop=np.sum(Y_a * sd * several, axis=-1) - Y_b, slosh=several)
 
 
 def tank_sensitivity(loop: Loop, s: ComplexArray) -> ComplexArray:
