@@ -54,7 +54,11 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
 
 
 def _message(found: RequiredDampingMap, own: int) -> str:
-    place = {True: "it lies inside the danger zone", False: "it lies outside the danger zone", None: "no closed-form zone"}
+    place = {
+        True: "it lies inside the danger zone",
+        False: "it lies outside the danger zone",
+        None: "no closed-form zone",
+    }
     where = place[found.zone.inside]
     if np.isnan(found.required[own]):
         return f"{found.tank}: no slosh damping suffices; {where}"

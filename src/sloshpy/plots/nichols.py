@@ -68,7 +68,9 @@ def _message(sweep: DampingSweep) -> str:
         return f"{tank} slosh needs no damping to stay out of the disc"
     if neutral == 0.0:
         return f"{tank} slosh needs {percent(need)} damping to stay out of the disc; it is stable at any"
-    return f"{tank} slosh needs {percent(need)} damping to stay out of the disc; below {percent(neutral)} it is unstable"
+    return (
+        f"{tank} slosh needs {percent(need)} damping to stay out of the disc; below {percent(neutral)} it is unstable"
+    )
 
 
 def _grid(ax: Axes) -> None:
