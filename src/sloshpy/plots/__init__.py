@@ -8,7 +8,7 @@ from sloshpy.plots.growth import plot_growth
 from sloshpy.plots.limit_cycle import plot_limit_cycle
 from sloshpy.plots.nichols import plot_nichols
 from sloshpy.plots.root_locus import plot_root_locus
-from sloshpy.plots.save import figure_bytes, save_figure, write_whole
+from sloshpy.plots.save import figure_bytes, save_figure
 from sloshpy.plots.time_history import plot_time_history
 from sloshpy.plots.tvc_gain import plot_tvc_gain
 
@@ -25,5 +25,4 @@ __all__ = [
     "plot_time_history",
     "plot_tvc_gain",
     "save_figure",
-    "write_whole",
 ]

@@ -55,8 +55,8 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
 
 def _message(found: RequiredDampingMap, own: int) -> str:
     place = {
-        True: "it lies inside the danger zone",
-        False: "it lies outside the danger zone",
+        True: "it is inside the danger zone",
+        False: "it is outside the danger zone",
         None: "no closed-form zone",
     }
     where = place[found.zone.inside]

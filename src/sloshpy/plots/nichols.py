@@ -3,11 +3,10 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
-from numpy.typing import NDArray
 
 from sloshpy.plots.style import GREY, INK, SHADE, SMALL, axes_or_new, curve_style, finish, label_column, percent
 from sloshpy.stability import DampingSweep
-from sloshpy.units import Array, decibel
+from sloshpy.units import Array, BoolArray, decibel
 
 DEEPEST, HIGHEST = -30.0, 20.0  # dB: a lobe beyond is cut off
 BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
@@ -41,7 +40,7 @@ def plot_nichols(sweep: DampingSweep, ax: Axes | None = None, *, grid: bool = Fa
     for k, (xi, word) in enumerate(zip(sweep.damping, sweep.verdicts, strict=True)):
         ax.plot(phase[k], gain[k], **curve_style(k))
         view = lobe & (phase[k] > left) & (phase[k] < right) & (gain[k] > low) & (gain[k] < high)
-        at = _label_place(phase[k], view if np.any(view) else lobe)
+        at = _label_place(phase[k], np.asarray(view if np.any(view) else lobe, dtype=bool))
         anchors.append((float(phase[k, at]), float(gain[k, at])))
         texts.append(f"{percent(xi)} {word}")
     label_column(ax, anchors, texts, at=0.8, gap=0.06)
@@ -52,7 +51,7 @@ def plot_nichols(sweep: DampingSweep, ax: Axes | None = None, *, grid: bool = Fa
     return ax
 
 
-def _label_place(phase: Array, lobe: NDArray[np.bool_]) -> int:
+def _label_place(phase: Array, lobe: BoolArray) -> int:
     """Return where on its way back from the tip of the lobe a curve is labelled: there the curves lie apart."""
     inside = np.flatnonzero(lobe)
     back = inside[int(np.argmin(phase[inside])) :]
@@ -68,9 +67,7 @@ def _message(sweep: DampingSweep) -> str:
         return f"{tank} slosh needs no damping to stay out of the disc"
     if neutral == 0.0:
         return f"{tank} slosh needs {percent(need)} damping to stay out of the disc; it is stable at any"
-    return (
-        f"{tank} slosh needs {percent(need)} damping to stay out of the disc; below {percent(neutral)} it is unstable"
-    )
+    return f"{tank} slosh needs {percent(need)} damping to stay out of the disc; unstable below {percent(neutral)}"
 
 
 def _grid(ax: Axes) -> None:

@@ -2,13 +2,14 @@
 
 import io
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
+
+from sloshpy.files.write import write_whole
 
 Drawn = Axes | Figure | Sequence[Axes]
 RESOLUTION = 150  # dots per inch of a PNG
@@ -44,23 +45,11 @@ def save_figure(drawn: Drawn, path: str | os.PathLike[str]) -> Path:
 
     Raises:
         ValueError: a suffix other than .png, .svg or .pdf.
+        InputError: the file cannot be written.
     """
     target = Path(path)
     write_whole(target, figure_bytes(drawn, target.suffix.lower().removeprefix(".")))
     return target
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it appears whole or not at all."""
-    handle, new = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(new, 0o644)
-        os.replace(new, path)
-    except BaseException:
-        Path(new).unlink(missing_ok=True)
-        raise
 
 
 def _figure(drawn: Drawn) -> Figure:

@@ -1,4 +1,4 @@
-"""The look that all figures share: curves told apart without colour, labels on the curves, titles that say the message."""
+"""The look that all figures share: curves told apart without colour, labelled; titles that say the message."""
 
 import re
 import textwrap
@@ -62,17 +62,17 @@ def finish(ax: Axes, title: str, x: str = "", y: str = "") -> None:
 
 def mark_line(ax: Axes, value: float, text: str, *, vertical: bool = False, at: float = 0.98, **line: Any) -> None:
     """Draw a thin reference line across the Axes with its label beside it, `at` a fraction along it."""
-    style = {"color": GREY, "linewidth": 1.0, "linestyle": (0, (4.0, 2.0))} | line
+    style: dict[str, Any] = {"color": GREY, "linewidth": 1.0, "linestyle": (0, (4.0, 2.0))} | line
     box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     words: dict[str, Any] = {"fontsize": SMALL, "color": style["color"], "bbox": box, "textcoords": "offset points"}
     if vertical:
         ax.axvline(value, **style)
-        where = {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "right", "va": "top"}
-        ax.annotate(text, (value, at), (-2, 0), **words, **where)
+        words |= {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "right", "va": "top"}
+        ax.annotate(text, (value, at), (-2, 0), **words)
     else:
         ax.axhline(value, **style)
-        where = {"xycoords": ("axes fraction", "data"), "ha": "right" if at > 0.5 else "left", "va": "bottom"}
-        ax.annotate(text, (at, value), (0, 2), **words, **where)
+        words |= {"xycoords": ("axes fraction", "data"), "ha": "right" if at > 0.5 else "left", "va": "bottom"}
+        ax.annotate(text, (at, value), (0, 2), **words)
 
 
 def label_column(ax: Axes, anchors: Sequence[tuple[float, float]], texts: Sequence[str], at: float, gap: float) -> None:

@@ -63,4 +63,5 @@ def _message(history: TimeHistory) -> str:
     if engine.amplitude == 0.0:
         return f"The oscillation dies out within {history.time[-1]:.0f} s"
     slosh = ", ".join(f"{name} slosh {e.amplitude:.3g} m" for name, e in parts)
-    return f"Settles into a limit cycle at {engine.omega / 2.0 / np.pi:.3g} Hz: {slosh}, engine {1e3 * engine.amplitude:.3g} mrad"
+    start = f"Settles into a limit cycle at {engine.omega / 2.0 / np.pi:.3g} Hz"
+    return f"{start}: {slosh}, engine {1e3 * engine.amplitude:.3g} mrad"

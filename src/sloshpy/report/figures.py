@@ -104,7 +104,7 @@ def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFig
     untrusted = "" if assessment.margins.trusted else UNTRUSTED
     no_cycle = "" if np.all(np.isfinite(cycle.tvc_amplitude)) else "; ".join(cycle.reasons)
     rows: list[tuple[str, str, str, str, Callable[[], Drawn], str]] = [
-        ("", "Danger zone", "danger_zone", "Damping the tank would need at each station, against the closed-form danger "
+        ("", "Danger zone", "danger_zone", "Damping the tank would need at each station, and the closed-form danger "
          "zone (eqs 22 and 23); the dot is the tank where it is.",
          lambda: plot_danger_zone(required_damping_map(case, j)), untrusted),
         ("5", "Bode diagram", "bode", "Open loop, broken at the engine command, at several dampings of this tank.",

@@ -17,7 +17,7 @@ MOST_SHOWN = 12  # values of a list shown one by one
 
 @dataclass(frozen=True, kw_only=True)
 class InputRow:
-    """One input; `given` is the text of the case file, "" where the case was made in Python or the value is a default."""
+    """One input; `given` is the text of the case file, "" for a default or a case made in Python."""
 
     key: str
     symbol: str
@@ -75,6 +75,8 @@ def _nested(annotation: Any) -> Quantity | None:
 def _value(value: Any, quantity: Quantity | None) -> str:
     if quantity is None or isinstance(value, str):
         return str(value)
+    if quantity.unit == "1" and np.ndim(value) == 0 and "ratio" not in quantity.meaning:
+        return f"{float(value):.6g}"  # a gain or an exponent is no percentage
     if np.ndim(value) == 0:
         return show(float(value), quantity.unit)
     shown = [f"{float(v):.6g}" for v in value[:MOST_SHOWN]]

@@ -10,7 +10,8 @@ import jinja2
 
 from sloshpy.assess import Assessment
 from sloshpy.errors import OutsideValidity
-from sloshpy.plots import figure_bytes, write_whole
+from sloshpy.files.write import write_whole
+from sloshpy.plots import figure_bytes
 from sloshpy.report.figures import ReportFigure, figures
 from sloshpy.report.inputs import input_rows
 from sloshpy.report.tables import criteria_table, cycle_table, margin_table, mode_table, tank_table

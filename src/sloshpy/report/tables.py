@@ -1,6 +1,7 @@
 """The numbers of an assessment as texts for the tables of a page; units are turned, nothing is computed."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ class Table:
 
     title: str
     head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
     note: str = ""
 
 
@@ -94,9 +95,7 @@ def mode_table(assessment: Assessment) -> Table:
             )
         )
     head = ("Mode", "Frequency [Hz]", "[rad/s]", "Damping [%]", "Growth [1/s]", "")
-    note = (
-        f"{p.drift_poles} neutral drift poles are removed by structure: attitude control neither sees nor moves them."
-    )
+    note = f"{p.drift_poles} neutral drift poles are removed by structure: the loop neither sees nor moves them."
     return Table(title=f"Closed-loop modes ({assessment.read_at})", head=head, rows=rows, note=note)
 
 
@@ -111,9 +110,7 @@ def margin_table(margins: Margins, read_at: str) -> Table:
         for omega, value, mode in margins.listed(points):
             shown = f"{in_unit(value, unit):.4f} {unit}".strip()
             rows.append((name, shown, f"{omega / (2.0 * np.pi):.4f}", f"{omega:.4f}", mode))
-    note = (
-        "" if margins.stable else "The loop as read is unstable: these are distances to the critical point, no margins."
-    )
+    note = "" if margins.stable else "The loop as read is unstable: these are distances to the critical point."
     head = ("Kind", "Value", "Frequency [Hz]", "[rad/s]", "Mode")
     return Table(title=f"Minima and crossings ({read_at})", head=head, rows=rows, note=note)
 
@@ -130,9 +127,7 @@ def cycle_table(assessment: Assessment) -> Table:
         for c in assessment.cycles or ()
     ]
     head = ("Limit cycle", "Frequency [Hz]", "Slosh", "Engine [mrad]")
-    note = (
-        "" if rows else "None." if assessment.cycles is not None else "No number is supported; see the reasons above."
-    )
+    note = "" if rows else "None." if assessment.cycles is not None else "No number is supported; see the reasons."
     return Table(title="Limit cycles of the loop as given", head=head, rows=rows, note=note)
 
 

@@ -11,7 +11,7 @@ from sloshpy.dynamics.response import FrequencyResponse, frequency_response, tra
 from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
 from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping
-from sloshpy.units import Array
+from sloshpy.units import Array, BoolArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,14 +64,14 @@ class DampingSweep:
         return np.asarray(phase - 360.0 * np.round((phase[-1, k] + 180.0) / 360.0))
 
     @property
-    def lobe(self) -> Array:
+    def lobe(self) -> BoolArray:
         """Which frequencies belong to the tank's slosh lobe, (F,): within a third of an octave, nearest to its tank."""
         octaves = [np.abs(np.log2(self.response.omega / float(t.frequency))) for t in self.case.vehicle.tanks]
         own = octaves[self.tank]
         return np.asarray((own < 1.0 / 3.0) & (own <= np.min(octaves, axis=0)))
 
     @property
-    def neighbourhood(self) -> Array:
+    def neighbourhood(self) -> BoolArray:
         """Which frequencies lie within two thirds of an octave about the tank's, (F,)."""
         own = float(self.case.vehicle.tanks[self.tank].frequency)
         return np.asarray(np.abs(np.log2(self.response.omega / own)) < 2.0 / 3.0)
