@@ -1,6 +1,7 @@
 """What is drawn equals the result, is named in words and units, and stays on the Axes given."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.patches import Ellipse
 
 from sloshpy import plots
 from sloshpy.case import Case
+from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import LimitCycle, growth_curve, limit_cycles
 from sloshpy.plots.style import SMALL
 from sloshpy.simulation import TimeHistory, simulate_degraded
@@ -193,3 +195,9 @@ def test_an_unknown_suffix_is_refused_with_the_known_ones(sweep: DampingSweep, t
     with pytest.raises(ValueError, match=r'png, svg, pdf, not "jpeg"'):
         plots.save_figure(plots.plot_nichols(sweep), tmp_path / "a.jpeg")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_limit_cycle_without_amplitude_is_not_drawn_but_explained(cycle: LimitCycle) -> None:
+    nothing = replace(cycle, tvc_amplitude=np.full(2, np.nan), reasons=("the data end at 0.3 m",))
+    with pytest.raises(OutsideValidity, match=r"LOX: the data end at 0\.3 m"):
+        plots.plot_limit_cycle(nothing)

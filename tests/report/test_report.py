@@ -152,6 +152,7 @@ def test_an_unstable_loop_with_two_tanks_has_a_page(review: Assessment) -> None:
     page = Page(report_html(assess(review.case.model_copy(update={"vehicle": vehicle}))))
     assert "LH2" in page.words
     assert "2 modes grow at once" in page.words
+    assert "one sinusoid predicts no limit cycle here" in page.words
     assert page.open == []
 
 

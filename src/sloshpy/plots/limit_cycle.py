@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
+from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import LimitCycle
 from sloshpy.plots.style import ALARM, INK, SHADE, SMALL, axes_or_new, curve_style, finish, label_column, mark_line
 
@@ -13,10 +14,10 @@ def plot_limit_cycle(found: LimitCycle, ax: Axes | None = None) -> Axes:
     """Draw the engine amplitude over the band of a predicted limit cycle, in both conventions.
 
     Raises:
-        ValueError: the limit cycle has no amplitude to draw; its reasons say why.
+        OutsideValidity: the limit cycle has no amplitude to draw; its reasons say why.
     """
     if not np.all(np.isfinite(found.tvc_amplitude)):
-        raise ValueError(f"{found.tank}: {'; '.join(found.reasons)}")
+        raise OutsideValidity(f"{found.tank}: {'; '.join(found.reasons)}")
     ax = axes_or_new(ax)
     f_hz = found.band_omega / (2.0 * np.pi)
     low, high = 1e3 * found.tvc_amplitude

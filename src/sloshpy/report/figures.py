@@ -102,6 +102,7 @@ def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFig
         return damping_sweep(case, tank=j, required=required)
 
     untrusted = "" if assessment.margins.trusted else UNTRUSTED
+    several = "" if assessment.cycles is not None else "one sinusoid predicts no limit cycle here, see the reasons"
     no_cycle = "" if np.all(np.isfinite(cycle.tvc_amplitude)) else "; ".join(cycle.reasons)
     rows: list[tuple[str, str, str, str, Callable[[], Drawn], str]] = [
         ("", "Danger zone", "danger_zone", "Damping the tank would need at each station, and the closed-form danger "
@@ -122,7 +123,7 @@ def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFig
          "frequency.", lambda: plot_limit_cycle(cycle), untrusted or no_cycle),
         ("", "Growth over amplitude", "growth", "Growth of the slosh mode in the loop as given; where it falls through "
          "zero the oscillation settles.", lambda: plot_growth(growth_curve(case, j), assessment.cycles or ()),
-         untrusted),
+         untrusted or several),
     ]  # fmt: skip
     suffix = "" if len(assessment.tanks) == 1 else "_" + name.replace(" ", "_")
     return [
