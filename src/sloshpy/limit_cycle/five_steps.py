@@ -37,7 +37,7 @@ class LimitCycle:
     slosh_amplitude, paper_slosh_amplitude: m. tvc_amplitude, paper_tvc_amplitude: (2,), rad, least and greatest.
     gain, delay: the degradation that makes the loop neutral at omega: amplitude ratio and s.
     acceptable: greatest engine amplitude within the limit; None where no number is supported.
-    band_omega, band_tvc: samples of the engine amplitude over the band, for figures.
+    band_omega, band_tvc, paper_band_tvc: samples of the engine amplitude over the band, for figures.
     """
 
     case: Case
@@ -56,6 +56,7 @@ class LimitCycle:
     reasons: tuple[str, ...]
     band_omega: Array
     band_tvc: Array
+    paper_band_tvc: Array
 
     @property
     def gain_db(self) -> float:
@@ -84,7 +85,10 @@ class LimitCycle:
         import xarray as xr  # 1 s: only when a dataset is wanted
 
         return xr.Dataset(
-            {"tvc_amplitude": ("omega", self.band_tvc, {"units": "rad"})},
+            {
+                "tvc_amplitude": ("omega", self.band_tvc, {"units": "rad"}),
+                "paper_tvc_amplitude": ("omega", self.paper_band_tvc, {"units": "rad"}),
+            },
             coords={"omega": ("omega", self.band_omega, {"units": "rad/s"})},
             attrs={
                 "tank": self.tank,
@@ -170,6 +174,7 @@ def predict_limit_cycle(case: Case, tank: int = 0) -> LimitCycle:
         reasons=tuple(reasons),
         band_omega=samples,
         band_tvc=tvc,
+        paper_band_tvc=paper_tvc,
     )
 
 
@@ -193,6 +198,7 @@ def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool,
         reasons=(reason,),
         band_omega=np.zeros(0),
         band_tvc=np.zeros(0),
+        paper_band_tvc=np.zeros(0),
     )
 
 

@@ -1,6 +1,7 @@
 """Nonlinear time histories: linear plant, damping force, true delay line, actuator limits (eq 20, fig 9)."""
 
+from sloshpy.simulation.degraded import simulate_degraded
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.simulate import TimeHistory, simulate
 
-__all__ = ["Envelope", "TimeHistory", "settled_envelope", "simulate"]
+__all__ = ["Envelope", "TimeHistory", "settled_envelope", "simulate", "simulate_degraded"]

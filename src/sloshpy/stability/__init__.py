@@ -1,18 +1,26 @@
 """Margins, disc margin, root locus, danger zone and required damping, eqs 21-24, figs 4-6."""
 
+from sloshpy.stability.damping_law import DampingLawCurve, damping_law_curve
 from sloshpy.stability.danger_zone import DangerZone, RequiredDampingMap, danger_zone, required_damping_map
 from sloshpy.stability.margins import Margins, loop_margins, margins
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping, required_damping
 from sloshpy.stability.root_locus import RootLocus, root_locus
+from sloshpy.stability.sweep import DampingSweep, DiscMarginCurve, damping_sweep, disc_margin_curve, telling_dampings
 
 __all__ = [
+    "DampingLawCurve",
+    "DampingSweep",
     "DangerZone",
+    "DiscMarginCurve",
     "Margins",
     "RequiredDamping",
     "RequiredDampingMap",
     "RootLocus",
+    "damping_law_curve",
+    "damping_sweep",
     "danger_zone",
+    "disc_margin_curve",
     "loop_margins",
     "loop_required_damping",
     "margins",
@@ -20,4 +28,5 @@ __all__ = [
     "required_damping",
     "required_damping_map",
     "root_locus",
+    "telling_dampings",
 ]

@@ -10,6 +10,7 @@ from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import characteristic_matrix
+from sloshpy.errors import OutsideValidity
 from sloshpy.stability.required_damping import loop_required_damping
 from sloshpy.units import Array
 
@@ -158,7 +159,9 @@ def required_damping_map(case: Case, tank: int = 0, station: Array | None = None
     tanks = [t.model_copy(update={"station": station}) if j == tank else t for j, t in enumerate(v.tanks)]
     moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
     if np.any(moved_vehicle.mass_matrix_margin <= 0.0):
-        raise ValueError("a station is so far from the c.g. that the mass matrix is indefinite; give nearer stations")
+        raise OutsideValidity(
+            "a station is so far from the c.g. that the mass matrix is indefinite; give nearer stations"
+        )
     loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}))
     needed = loop_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
     return RequiredDampingMap(

@@ -1,0 +1,28 @@
+"""One function per figure: a finished result and Axes in, Axes out."""
+
+from sloshpy.plots.bode import plot_bode
+from sloshpy.plots.damping_law import plot_damping_law
+from sloshpy.plots.damping_sweep import plot_damping_sweep
+from sloshpy.plots.danger_zone import plot_danger_zone
+from sloshpy.plots.growth import plot_growth
+from sloshpy.plots.limit_cycle import plot_limit_cycle
+from sloshpy.plots.nichols import plot_nichols
+from sloshpy.plots.root_locus import plot_root_locus
+from sloshpy.plots.save import figure_bytes, save_figure
+from sloshpy.plots.time_history import plot_time_history
+from sloshpy.plots.tvc_gain import plot_tvc_gain
+
+__all__ = [
+    "figure_bytes",
+    "plot_bode",
+    "plot_damping_law",
+    "plot_damping_sweep",
+    "plot_danger_zone",
+    "plot_growth",
+    "plot_limit_cycle",
+    "plot_nichols",
+    "plot_root_locus",
+    "plot_time_history",
+    "plot_tvc_gain",
+    "save_figure",
+]

@@ -1,0 +1,70 @@
+"""Required damping along the vehicle with the danger zone, eqs 22-23."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from sloshpy.plots.style import ALARM, GREY, INK, SHADE, SMALL, axes_or_new, curve_style, finish, mark_line, percent
+from sloshpy.stability import RequiredDampingMap
+
+
+def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
+    """Draw required and neutral damping against the tank's station, with c.g., centre of percussion and bounds."""
+    ax = axes_or_new(ax)
+    v, zone, station = found.case.vehicle, found.zone, found.station
+    cg = float(v.cg)
+    tank = next(t for t in v.tanks if t.name == found.tank)
+    own = int(np.argmin(np.abs(station - float(tank.station))))
+    required, neutral = 100.0 * found.required, 100.0 * found.neutral
+    top = 1.45 * max(float(np.nanmax(np.append(required, 0.0))), 0.5)
+    ax.set_xlim(float(station[0]), float(station[-1]))
+    ax.set_ylim(0.0, top)
+    if not zone.reason:
+        ax.axvspan(cg - zone.aft, cg - zone.forward, color=SHADE, alpha=0.6, linewidth=0.0)
+        ax.axvspan(
+            cg, cg - zone.forward, facecolor="none", edgecolor=GREY, hatch="//", linewidth=0.0, alpha=0.35, ymin=0.93
+        )
+        mark_line(ax, cg - zone.aft, "aft bound (eq 23)", vertical=True, at=0.9)
+        mark_line(ax, cg - zone.forward, "centre of percussion (eq 22)", vertical=True, at=0.9)
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+        middle = 0.5 * (2.0 * cg - zone.forward)
+        ax.annotate("Greensite", (middle, 0.965 * top), ha="center", va="center", fontsize=SMALL, bbox=box)
+    mark_line(ax, cg, "c.g.", vertical=True, at=0.9, color=INK, linestyle="-")
+    for values, name, k in ((required, "required", 2), (neutral, "neutral", 1)):
+        ax.plot(station, values, **curve_style(k))
+        if np.any(np.isfinite(values)):
+            peak = int(np.nanargmax(values))
+            at = (float(station[peak]), float(values[peak]))
+            ax.annotate(name, at, (0, 4), textcoords="offset points", ha="center", va="bottom", fontsize=SMALL)
+    if np.isfinite(required[own]):
+        ax.plot(station[own], required[own], "o", color=ALARM, markersize=9.0, zorder=5)
+        ax.annotate(
+            f"{found.tank} at {float(tank.station):.4g} m\nneeds {percent(found.required[own])}",
+            (float(station[own]), float(required[own])),
+            (10, 10),
+            textcoords="offset points",
+            fontsize=10.0,
+            fontweight="bold",
+            color=ALARM,
+        )
+    if not np.any(np.isfinite(required)):
+        text = "no damping of this tank suffices at any station:\nanother mode is unstable or short of margin"
+        ax.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=10.0)
+    finish(ax, _message(found, own), "Station of the slosh mass, forward of the gimbal [m]", "Slosh damping [%]")
+    return ax
+
+
+def _message(found: RequiredDampingMap, own: int) -> str:
+    place = {
+        True: "it is inside the danger zone",
+        False: "it is outside the danger zone",
+        None: "no closed-form zone",
+    }
+    where = place[found.zone.inside]
+    if np.isnan(found.required[own]):
+        return f"{found.tank}: no slosh damping suffices; {where}"
+    if found.required[own] == 0.0:
+        return f"{found.tank} needs no slosh damping; {where}"
+    text = f"{found.tank} needs {percent(found.required[own])} slosh damping"
+    if found.neutral[own] > 0.0:
+        text += f"; below {percent(found.neutral[own])} it is unstable"
+    return f"{text}; {where}"

@@ -1,0 +1,89 @@
+"""Every input of a case as rows of a table: key, symbol, meaning, as given and in SI with the everyday unit."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from sloshpy.case import Case
+from sloshpy.damping import PowerDamping
+from sloshpy.units import Quantity, show
+
+MOST_SHOWN = 12  # values of a list shown one by one
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputRow:
+    """One input; `given` is the text of the case file, "" for a default or a case made in Python."""
+
+    key: str
+    symbol: str
+    meaning: str
+    given: str
+    value: str
+
+
+def input_rows(case: Case) -> list[InputRow]:
+    """Return every input of a case in the order of its nouns, keys as in a case file."""
+    given = case.source.given if case.source is not None else {}
+    rows = [*_rows("vehicle", case.vehicle, given)]
+    for tank in case.vehicle.tanks:
+        rows += _rows(f"tank.{tank.name}", tank, given)
+    return [*rows, *_rows("autopilot", case.autopilot, given), *_rows("criteria", case.criteria, given)]
+
+
+def _rows(key: str, noun: BaseModel, given: dict[str, str]) -> Iterator[InputRow]:
+    for name, field in type(noun).model_fields.items():
+        value, at = getattr(noun, name), f"{key}.{field.alias or name}"
+        if value is None or name in {"tanks", "name"}:
+            continue
+        if isinstance(value, BaseModel):
+            yield from _rows(at, value, given)
+        elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
+            for k, part in enumerate(value):
+                yield from _rows(f"{at}.{k + 1}", part, given)
+        elif not isinstance(value, tuple) or value:
+            quantity = _quantity(field)
+            yield InputRow(
+                key=at,
+                symbol=quantity.symbol if quantity else "",
+                meaning=(quantity.meaning if quantity else field.description) or "",
+                given=given.get(at, ""),
+                value=_slope(noun) if isinstance(noun, PowerDamping) and name == "slope" else _value(value, quantity),
+            )
+
+
+def _quantity(field: FieldInfo) -> Quantity | None:
+    """Return the unit and meaning of a field, also where it stands inside an optional or a list."""
+    found = [m for m in field.metadata if isinstance(m, Quantity)]
+    return found[0] if found else _nested(field.annotation)
+
+
+def _nested(annotation: Any) -> Quantity | None:
+    for part in get_args(annotation):
+        if isinstance(part, Quantity):
+            return part
+        found = _nested(part)
+        if found is not None:
+            return found
+    return None
+
+
+def _value(value: Any, quantity: Quantity | None) -> str:
+    if quantity is None or isinstance(value, str):
+        return str(value)
+    if quantity.unit == "1" and np.ndim(value) == 0 and "ratio" not in quantity.meaning:
+        return f"{float(value):.6g}"  # a gain or an exponent is no percentage
+    if np.ndim(value) == 0:
+        return show(float(value), quantity.unit)
+    shown = [f"{float(v):.6g}" for v in value[:MOST_SHOWN]]
+    more = f" ... ({len(value)} values)" if len(value) > MOST_SHOWN else ""
+    return ", ".join(shown) + more + ("" if quantity.unit == "1" else f" {quantity.unit}")
+
+
+def _slope(law: PowerDamping) -> str:
+    unit = "1/m" if law.exponent == 1.0 else f"1/m^{law.exponent:g}"
+    return f"{law.slope:.6g} {unit}"

@@ -1,0 +1,91 @@
+"""An assessment as one self-contained HTML page, the same bytes for the same case."""
+
+import importlib.metadata
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from sloshpy.assess import Assessment
+from sloshpy.errors import OutsideValidity
+from sloshpy.files.write import write_whole
+from sloshpy.plots import figure_bytes
+from sloshpy.report.figures import ReportFigure, figures
+from sloshpy.report.inputs import input_rows
+from sloshpy.report.tables import criteria_table, cycle_table, margin_table, mode_table, tank_table
+
+ASSUMPTIONS = (
+    "The vehicle is a rigid body on vectored thrust, seen in one plane; bending and engine inertia are not modelled.",
+    "Angles are small, mass properties and acceleration are frozen at one flight time; there is no aerodynamic moment.",
+    "Each tank is one spring-mass-damper, its first lateral slosh mode: good to slosh amplitudes of 10 to 15 % of the "
+    "tank radius.",
+    "Damping depends on the amplitude alone, as each tank's law says; no law is read beyond its data.",
+    "A limit cycle is predicted as one sinusoid (describing function); beating of several modes needs simulation.",
+)
+METHOD = (
+    ("Equations of motion", "eqs 1 to 12, with the signs that make the mass matrix symmetric"),
+    ("Control law", "eq 13, sign such that the loop is closed by negative feedback"),
+    ("Damping laws and their describing functions", "eqs 14 to 20"),
+    ("Danger zone", "eqs 21 to 23, for any ratio of vectored to total thrust"),
+    ("Disc margin", "eq 24; its sign here says stable or unstable, by poles and by encirclement count"),
+    ("Limit cycle", "the five steps of section C.3; amplitudes also at the cycle's own frequency"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shown:
+    """A figure on the page: its SVG, or the reason in its place."""
+
+    figure: ReportFigure
+    svg: str
+    reason: str
+
+
+def write_report(assessment: Assessment, path: str | os.PathLike[str]) -> Path:
+    """Write the report of an assessment as one HTML file that needs nothing from outside, whole or not at all.
+
+    The same case gives the same bytes; no date is written.
+
+    Args:
+        assessment: result of `assess`.
+        path: the HTML file.
+    """
+    target = Path(path)
+    write_whole(target, report_html(assessment).encode())
+    return target
+
+
+def report_html(assessment: Assessment) -> str:
+    """Return the report as a text."""
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    pages = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    trusted, m = assessment.margins.trusted, assessment.margins
+    loop = [mode_table(assessment), margin_table(m, assessment.read_at), cycle_table(assessment)] if trusted else []
+    return pages.get_template("template.html").render(
+        a=assessment,
+        version=importlib.metadata.version("sloshpy"),
+        tables=[criteria_table(assessment), tank_table(assessment), *loop],
+        figures=[_shown(k, figure) for k, figure in enumerate(figures(assessment))],
+        inputs=input_rows(assessment.case),
+        cautions=[reason for reason in assessment.reasons if "caution" in reason],
+        assumptions=ASSUMPTIONS,
+        method=METHOD,
+    )
+
+
+def _shown(number: int, figure: ReportFigure) -> _Shown:
+    if figure.missing:
+        return _Shown(figure=figure, svg="", reason=figure.missing)
+    try:
+        drawn = figure.draw()
+    except OutsideValidity as error:
+        return _Shown(figure=figure, svg="", reason=str(error))
+    return _Shown(figure=figure, svg=inline(figure_bytes(drawn, "svg", salt=f"sloshpy {number}").decode()), reason="")
+
+
+def inline(svg: str) -> str:
+    """Return an SVG file as an element of a page: no prologue, no group names that would repeat on the page."""
+    element = svg[svg.index("<svg") :]
+    return re.sub(r'<g id="[^"]*"', "<g", element)

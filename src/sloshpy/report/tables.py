@@ -1,0 +1,148 @@
+"""The numbers of an assessment as texts for the tables of a page; units are turned, nothing is computed."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sloshpy.assess import Assessment, TankReview
+from sloshpy.stability import Margins
+from sloshpy.stability.margins import in_unit
+from sloshpy.units import Array, decibel
+
+NONE = "–"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A title, column heads and rows of texts; `note` stands below."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    note: str = ""
+
+
+def criteria_table(assessment: Assessment) -> Table:
+    """Return the criteria that the verdict rests on."""
+    c = assessment.case.criteria
+    return Table(
+        title="Criteria",
+        head=("Criterion", "Value", "Use"),
+        rows=[
+            ("Disc margin", f"{c.disc_margin:g}", "least disc margin; sets the required damping"),
+            ("Gain axis of the disc", f"{decibel(c.gain_margin):.3g} dB", "GM_d of eq 24"),
+            ("Phase axis of the disc", f"{np.degrees(c.phase_margin):.3g} deg", "PM_d of eq 24"),
+            ("Limit-cycle disc margin", f"{c.limit_cycle_disc_margin:g}", "frequencies below it enter the band"),
+            ("Engine amplitude", f"{np.degrees(c.tvc_amplitude):.3g} deg", "largest acceptable limit cycle"),
+        ],
+    )
+
+
+def tank_table(assessment: Assessment) -> Table:
+    """Return one column for each tank: requirement, zone and limit cycle in both conventions."""
+    columns = [_tank(tank, assessment.margins.trusted) for tank in assessment.tanks]
+    names = list(columns[0])
+    return Table(
+        title="Tanks",
+        head=("", *(tank.name for tank in assessment.tanks)),
+        rows=[(name, *(column[name] for column in columns)) for name in names],
+        note="Limit cycle: with gain and phase degraded until the loop is neutral at the required damping. "
+        "Frequency-consistent amplitudes read the damping law at the cycle's own frequency; the paper reads it at the "
+        "slosh frequency.",
+    )
+
+
+def _tank(tank: TankReview, trusted: bool) -> dict[str, str]:
+    c, z = tank.limit_cycle, tank.zone
+    inside = {True: "inside", False: "outside", None: "closed form refused"}[z.inside]
+    band = " and ".join(f"{a:.4g} to {b:.4g}" for a, b in c.band / (2.0 * np.pi))
+    return {
+        "Damping, loop as read": _number(100.0 * tank.damping_ratio, ".4g", "%"),
+        "Required damping": _needed(float(c.required.required)) if trusted else NONE,
+        "Neutral damping": _needed(float(c.required.neutral)) if trusted else NONE,
+        "Slosh disc margin, loop as read": _number(tank.disc_margin, "+.4f") if trusted else NONE,
+        "Danger zone (eqs 22, 23)": inside,
+        "Zone about the c.g.": NONE if z.reason else f"{z.aft:.4g} m behind to {-z.forward:.4g} m ahead",
+        "Place of the slosh mass": f"{abs(z.l):.4g} m {'behind' if z.l > 0.0 else 'ahead of'} the c.g.",
+        "Limit-cycle band": f"{band} Hz" if band else NONE,
+        "Slosh amplitude, frequency-consistent": _number(c.slosh_amplitude, ".4g", "m"),
+        "Slosh amplitude, paper": _number(c.paper_slosh_amplitude, ".4g", "m"),
+        "Engine amplitude, frequency-consistent": _mrad(c.tvc_amplitude),
+        "Engine amplitude, paper": _mrad(c.paper_tvc_amplitude),
+        "Gain to neutral": _number(c.gain_db, "+.3f", "dB"),
+        "Delay to neutral": _number(1e3 * c.delay, "+.1f", "ms") + (", a phase advance" if c.delay < 0.0 else ""),
+        "Acceptable": {True: "yes", False: "no", None: "no number supported"}[c.acceptable],
+    }
+
+
+def mode_table(assessment: Assessment) -> Table:
+    """Return the closed-loop poles, least damped first."""
+    p = assessment.poles
+    rows = []
+    for value, name in zip(p.value, p.name, strict=True):
+        ratio = -value.real / abs(value) if value else 0.0
+        doubles = f"doubles in {math.log(2.0) / value.real:.3g} s" if value.real > 0.0 else ""
+        rows.append(
+            (
+                name,
+                _number(value.imag / (2.0 * np.pi), ".4f"),
+                _number(value.imag, ".4f"),
+                _number(100.0 * ratio, ".3f"),
+                _number(value.real, "+.5f"),
+                doubles,
+            )
+        )
+    head = ("Mode", "Frequency [Hz]", "[rad/s]", "Damping [%]", "Growth [1/s]", "")
+    note = f"{p.drift_poles} neutral drift poles are removed by structure: the loop neither sees nor moves them."
+    return Table(title=f"Closed-loop modes ({assessment.read_at})", head=head, rows=rows, note=note)
+
+
+def margin_table(margins: Margins, read_at: str) -> Table:
+    """Return every minimum of the disc margin and every crossing with the mode it belongs to."""
+    rows = []
+    for name, points, unit in (
+        ("disc margin", margins.minima, ""),
+        ("gain margin", margins.phase_crossings, "dB"),
+        ("phase margin", margins.gain_crossings, "deg"),
+    ):
+        for omega, value, mode in margins.listed(points):
+            shown = f"{in_unit(value, unit):.4f} {unit}".strip()
+            rows.append((name, shown, f"{omega / (2.0 * np.pi):.4f}", f"{omega:.4f}", mode))
+    note = "" if margins.stable else "The loop as read is unstable: these are distances to the critical point."
+    head = ("Kind", "Value", "Frequency [Hz]", "[rad/s]", "Mode")
+    return Table(title=f"Minima and crossings ({read_at})", head=head, rows=rows, note=note)
+
+
+def cycle_table(assessment: Assessment) -> Table:
+    """Return the limit cycles of the loop as given."""
+    rows = [
+        (
+            "stable" if c.stable else "unstable",
+            f"{c.omega / (2.0 * np.pi):.4f}",
+            ", ".join(f"{name} {a:.4g} m" for name, a in c.slosh_amplitude.items()),
+            f"{1e3 * c.tvc_amplitude:.4g}",
+        )
+        for c in assessment.cycles or ()
+    ]
+    head = ("Limit cycle", "Frequency [Hz]", "Slosh", "Engine [mrad]")
+    note = "" if rows else "None." if assessment.cycles is not None else "No number is supported; see the reasons."
+    return Table(title="Limit cycles of the loop as given", head=head, rows=rows, note=note)
+
+
+def _number(value: float, form: str, unit: str = "") -> str:
+    return f"{value:{form}} {unit}".strip() if math.isfinite(value) else NONE
+
+
+def _needed(ratio: float) -> str:
+    if math.isnan(ratio):
+        return "none suffices"
+    return "none needed" if ratio == 0.0 else f"{100.0 * ratio:.4f} %"
+
+
+def _mrad(pair: Array) -> str:
+    if not np.all(np.isfinite(pair)):
+        return NONE
+    low, high = np.degrees(pair)
+    return f"{1e3 * pair[0]:.4g} to {1e3 * pair[1]:.4g} mrad ({low:.3f} to {high:.3f} deg)"
