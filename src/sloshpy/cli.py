@@ -18,7 +18,7 @@ from sloshpy.errors import InputError, OutsideValidity, Problem
 from sloshpy.files import case_schema, example_names, read_case, write_example
 from sloshpy.limit_cycle import LimitCycle, predict_limit_cycle
 from sloshpy.simulation import simulate
-from sloshpy.stability import damping_sweep, required_damping_map, root_locus
+from sloshpy.stability import damping_sweep, disc_margin_curve, required_damping_map, root_locus
 from sloshpy.units import Array, UnitError, parse
 
 app = cyclopts.App(
@@ -94,7 +94,12 @@ def gain(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output:
 @app.command
 def sweep(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output: Output = None) -> int:
     """Print and draw the disc margin, signed by stability, against slosh damping."""
-    return _sweep(case, damping, tank, output, "damping_sweep")
+    from sloshpy import plots  # matplotlib: only when something is drawn
+
+    read = read_case(case)
+    print(damping_sweep(read, _dampings(damping), _tank(read, tank)))
+    curve = disc_margin_curve(read, None, _tank(read, tank))
+    return _save(plots.plot_damping_sweep(curve), case, output, "sweep")
 
 
 @app.command
@@ -138,7 +143,7 @@ def limit_cycle(case: CaseFile, *, tank: Tank = None, output: Output = None) -> 
 def simulate_command(
     case: CaseFile,
     *,
-    duration: Annotated[str, Parameter(help="length of the run")] = "200 s",
+    duration: Annotated[str, Parameter(help="length of the run")] = "300 s",
     initial_slosh: Annotated[str, Parameter(help="displacement of every slosh mass at the start")] = "0.01 m",
     gain: Annotated[str, Parameter(help="extra loop gain")] = "0 dB",
     delay: Annotated[str, Parameter(help="extra delay")] = "0 s",
@@ -214,15 +219,9 @@ def _sweep(case: Path, damping: str | None, tank: str | None, output: Path | Non
     from sloshpy import plots  # as above
 
     read = read_case(case)
-    values = None if damping is None else np.array([_ratio("--damping", text) for text in damping.split(",")])
-    result = damping_sweep(read, values, _tank(read, tank))
+    result = damping_sweep(read, _dampings(damping), _tank(read, tank))
     print(result)
-    draw = {
-        "bode": plots.plot_bode,
-        "nichols": plots.plot_nichols,
-        "tvc_gain": plots.plot_tvc_gain,
-        "damping_sweep": plots.plot_damping_sweep,
-    }
+    draw: dict[str, Any] = {"bode": plots.plot_bode, "nichols": plots.plot_nichols, "tvc_gain": plots.plot_tvc_gain}
     return _save(draw[figure](result), case, output, figure.replace("_", "-"))
 
 
@@ -265,6 +264,11 @@ def _damping(case: Case, text: str) -> Array:
 
     given = _named(case, "--damping", text)
     return np.array([_ratio("--damping", t) if t else xi for t, xi in zip(given, open_loop(case).damping, strict=True)])
+
+
+def _dampings(text: str | None) -> Array | None:
+    """Return the dampings of a sweep, None for the default ones."""
+    return None if text is None else np.array([_ratio("--damping", part) for part in text.split(",")])
 
 
 def _named(case: Case, option: str, text: str) -> list[str]:

@@ -92,7 +92,7 @@ def _words(envelope: Envelope, unit: str, scale: float) -> str:
 
 def simulate(
     case: Case,
-    duration: float = 200.0,
+    duration: float = 300.0,
     initial_slosh: Real = INITIAL_SLOSH,
     damping: Real | None = None,
     step: float | None = None,

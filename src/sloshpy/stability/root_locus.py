@@ -37,7 +37,7 @@ class RootLocus:
     def __str__(self) -> str:
         lines = [f"Root locus of {self.case.name}, {self.drift_poles} neutral drift poles removed by structure"]
         for name, values in (("open-loop pole", self.open_poles), ("zero", self.zeros)):
-            lines += [f"  {name:15s} {v.real:+.5f} {v.imag:+.5f}j rad/s" for v in values if v.imag >= 0.0]
+            lines += [f"  {name:15s} {v.real + 0.0:+.5f} {v.imag + 0.0:+.5f}j rad/s" for v in values if v.imag >= 0.0]
         for v, name in zip(self.closed, self.closed_names, strict=True):
             lines.append(f"  closed-loop     {v.real:+.5f} {v.imag:+.5f}j rad/s  {name}")
         return "\n".join(lines)
