@@ -9,7 +9,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth, unstable_count
 from sloshpy.dynamics.response import transfer
-from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled
+from sloshpy.stability.nichols import nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Margins:
             return np.asarray(share[..., tank] >= RELATED_SHARE * np.max(share, axis=-1)) & (share[..., tank] > 0.0)
 
     def slosh_disc_margin(self, tank: int) -> tuple[Array, Array]:
-        """Return the least disc margin among a tank's minima, signed, and its frequency in rad/s; inf and nan if none."""
+        """Return the least disc margin of a tank's minima, signed, and its frequency in rad/s; inf and nan if none."""
         value = np.where(self.related(tank), self.minima.value, np.inf)
         k = np.argmin(value, axis=-1)[..., None]
         least = np.take_along_axis(value, k, axis=-1)[..., 0]
@@ -165,7 +165,7 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     def phase(omega: Array, index: Array) -> Array:
         return np.angle(-transfer(loop.take(index), 1j * omega).loop)
 
-    k = _valleys(curves, nichols_disc_margin(curves.loop, GM, PM))
+    k = np.flatnonzero(valley_samples(nichols_disc_margin(curves.loop, GM, PM), curves.index))
     owner = curves.index[k]
     bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
     found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
@@ -207,14 +207,6 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
         groups=groups,
         damping=loop.damping,
     )
-
-
-def _valleys(curves: Curves, distance: Array) -> Array:
-    """Return the positions of samples that are not above their neighbours on the same curve."""
-    same = curves.index[1:] == curves.index[:-1]
-    inner = same[1:] & same[:-1]
-    low = (distance[1:-1] <= distance[:-2]) & (distance[1:-1] < distance[2:])
-    return np.flatnonzero(inner & low) + 1
 
 
 def _shares(loop: Loop, index: Array, omega: Array) -> Array:
