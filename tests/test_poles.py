@@ -174,3 +174,17 @@ def test_a_batch_with_some_zero_delays_equals_a_loop():
     for k, tau in enumerate(delays):
         alone = float(greatest_growth(open_loop(paper_case(delay=float(tau)), damping=0.02)))
         assert batch[k] == pytest.approx(alone, rel=1e-9)
+
+
+def test_no_pole_is_listed_twice_and_every_growing_one_is_listed_with_delay():
+    """A pole of the Pade start may be polished onto a pole of the loop; it is not a second mode."""
+    rng = np.random.default_rng(26)
+    for k in range(300):
+        case, damping = random_case(rng, delay=True, tanks=1 + k % 2)
+        found = closed_loop_poles(open_loop(case, damping=damping))
+        value = found.value[np.isfinite(found.value)]
+        apart = np.abs(value[:, None] - value[None, :]) + np.eye(len(value)) * 1e9
+        assert np.all(apart.min(axis=1) > 1e-7 * np.abs(value)), k
+        count = np.sum(np.where(value.imag > 0, 2, 1)[value.real > 0])
+        assert count == oracle.unstable_poles(oracle.numbers(case, damping)), k
+        assert found.stable == (count == 0), k
