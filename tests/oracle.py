@@ -104,7 +104,7 @@ def solved(c, s):
 
 
 def _pieces(c, s):
-    """The two body equations in Z'' and phi after the tanks are eliminated: entries of the 2 x 2 matrix, and prod d_j."""
+    """Entries of the 2 x 2 equations in Z'' and phi after the tanks are eliminated, and prod d_j."""
     s2 = s * s
     a, b, p, e = 1.0, -c.k3, 0.0, s2
     delta = 1.0
@@ -214,7 +214,7 @@ def unstable_poles(c):
     scale = [*c.w, np.sqrt(c.c2 * c.a0 * c.gain), c.c2 * c.a1 * c.gain]
     scale += [abs(r) for f in c.filters for r in np.roots(f[1])] + ([c.actuator[0]] if c.actuator else [])
     high = 1e5 * max(scale)
-    near = [w * (1 + np.linspace(-0.5, 0.5, 401)) for w in c.w]
+    near = [w * (1 + np.linspace(-0.5, 0.5, 402)) for w in c.w]
     s = np.unique(np.concatenate([np.geomspace(1e-5 * min(x for x in scale if x), high, 3000), *near]))
     s = 1j * np.concatenate([[0.0], s])
     f = characteristic(c, s)[0]
@@ -328,7 +328,7 @@ def coupled_limit_cycle(c, laws, amplitudes, omega):
 
 
 def _mechanics(c):
-    """E, A, b of x = [phi, z.., Z', phi', z'..] (Z itself left out: nothing depends on it), E x' = A x + b beta + damping."""
+    """E, A, b of E x' = A x + b beta + damping with x = [phi, z.., Z', phi', z'..]; nothing depends on Z itself."""
     n = len(c.m)
     N = 2 * n + 3
     E, A, b = np.eye(N), np.zeros((N, N)), np.zeros(N)
@@ -389,12 +389,12 @@ def history(c, forces, z0, times, rtol=1e-10):
             run = scipy.integrate.solve_ivp(slope, (start, end), x, **options)
             assert run.success
             here = times[(times >= start) & (times < end)]
-            rows.append(run.sol(here).T)
+            rows.append(run.sol(here).T if len(here) else np.zeros((0, size)))
             engine.append(rows[-1][:, N] if c.actuator else np.array([past[0](t) for t in here]))
             past[0] = lambda t, sol=run.sol: command @ sol(t - c.delay)
             x, start = run.y[:, -1], end
         here = times[times >= start]
-        rows.append(run.sol(here).T)
+        rows.append(run.sol(here).T if len(here) else np.zeros((0, size)))
         engine.append(rows[-1][:, N] if c.actuator else np.array([past[0](t) for t in here]))
         states, engine = np.concatenate(rows), np.concatenate(engine)
     return states[:, 1 : 1 + n], engine, states[:, 0]

@@ -113,7 +113,7 @@ def test_angular_momentum_about_the_cg_changes_only_by_the_moment_of_the_slosh_w
 
 
 def test_undamped_slosh_neither_gains_nor_loses_without_control():
-    """The thrust follows the vehicle, so no energy is conserved as such, but every s^2 of the undamped plant is real."""
+    """The thrust follows the vehicle, so energy is not conserved as such, but every s^2 of the plant is real."""
     rng = np.random.default_rng(13)
     for _ in range(30):
         p = without_drift(plant(random_case(rng)[0].vehicle))
@@ -161,7 +161,7 @@ def test_state_space_agrees_with_the_oracle_for_several_tanks():
     [("eq1", 1.736), ("column 4", 0.886), ("lever", 0.613)],
 )
 def test_sign_errors_of_the_printed_equations_are_told_apart_by_the_disc_margin(mistake, least):
-    """T18: at 4.8 % the printed forms look stable with margins 1.736, 0.886 and 0.613; the corrected one gives 1.018."""
+    """T18: at 4.8 % the printed forms have margins 1.736, 0.886 and 0.613; the corrected one gives 1.018."""
     e, a = E.copy(), A_PRIME.copy()
     a[5, 5] = -2 * 0.048 * 2.0
     if mistake == "eq1":
