@@ -162,9 +162,6 @@ def assess(case: Case, damping: Real | None = None, amplitude: Real | None = Non
     if not case.vehicle.tanks:
         raise ValueError("no tank: there is no slosh to assess")
     loop = open_loop(case, damping, amplitude)
-    if np.any(np.isnan(loop.damping)):
-        names = [t.name for t, xi in zip(case.vehicle.tanks, loop.damping, strict=True) if np.isnan(xi)]
-        raise OutsideValidity(f"the amplitude is outside the damping data of {', '.join(names)}")
     found, poles = loop_margins(loop, case.criteria), closed_loop_poles(loop)
     tanks = tuple(_review(case, j, loop.damping, found) for j in range(len(case.vehicle.tanks)))
     cycles: tuple[Cycle, ...] | None = None

@@ -17,6 +17,7 @@ from sloshpy.autopilot import Autopilot
 from sloshpy.case import Case
 from sloshpy.damping import small_amplitude_ratio
 from sloshpy.dynamics.plant import Plant, plant, without_drift
+from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, IntArray, Real
 
 
@@ -94,6 +95,9 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
         case: vehicle and autopilot; their fields may carry leading axes.
         damping: slosh damping ratios, one for all tanks or (..., n_tanks).
         amplitude: slosh amplitudes in m at which each tank's law is read (same shapes); default: small amplitude.
+
+    Raises:
+        OutsideValidity: an amplitude outside a tank's damping table.
     """
     n = len(case.vehicle.tanks)
     laws = [tank.damping for tank in case.vehicle.tanks]
@@ -101,9 +105,14 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
         xi = np.array([small_amplitude_ratio(law) for law in laws])
     elif damping is not None:
         xi = _per_tank(damping, n)
+        if not np.all(np.isfinite(xi)) or np.any(xi < 0.0):
+            raise ValueError("slosh damping ratios must be finite and >= 0")
     else:
         A = _per_tank(amplitude if amplitude is not None else 0.0, n)
         xi = np.stack([law.ratio(A[..., j]) for j, law in enumerate(laws)], axis=-1) if n else A
+        unknown = [t.name for j, t in enumerate(case.vehicle.tanks) if np.any(np.isnan(xi[..., j]))]
+        if unknown:
+            raise OutsideValidity(f"the amplitude is outside the damping data of {', '.join(unknown)}")
     return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
 
 

@@ -259,9 +259,11 @@ def _named(loop: Loop, closed: bool) -> Poles:
     names = tuple(dict.fromkeys(groups))
     by_group = np.array([[shares[[g == name for g in groups], k].sum() for name in names] for k in range(len(values))])
     by_group /= by_group.sum(axis=1, keepdims=True)
+    copies: set[int] = set()
     if "delay" in groups:
-        values = polish(loop.along(), values, closed)
-    upper = [k for k in range(len(values)) if values[k].imag >= 0.0 or np.isnan(values[k])]
+        start, values = values, polish(loop.along(), values, closed)
+        copies = _copies(values, np.abs(values - start))
+    upper = [k for k in range(len(values)) if (values[k].imag >= 0.0 or np.isnan(values[k])) and k not in copies]
     room = {name: groups.count(name) for name in names}
     chosen = _assign(values, by_group, upper, names, room)
     listed = [k for k in upper if chosen.get(k) != "delay" or values[k].real >= 0.0]
@@ -278,6 +280,16 @@ def _named(loop: Loop, closed: bool) -> Poles:
         source=loop,
         drift_poles=loop.plant.drift_poles,
     )
+
+
+def _copies(values: ComplexArray, moved: Array) -> set[int]:
+    """Return the poles that polishing moved onto another one: they are the Pade approximation's, not the loop's."""
+    copies: set[int] = set()
+    for k in np.argsort(moved):
+        same = np.abs(values - values[k]) < 1e-9 * np.abs(values[k])
+        if k not in copies:
+            copies |= {int(i) for i in np.flatnonzero(same) if i != k}
+    return copies
 
 
 def _assign(

@@ -9,7 +9,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth, unstable_count
 from sloshpy.dynamics.response import tank_sensitivity, transfer
-from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled
+from sloshpy.stability.nichols import nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, BoolArray, IntArray, Real
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     def phase(omega: Array, index: IntArray) -> Array:
         return np.asarray(np.angle(-transfer(loop.take(index), 1j * omega).loop), dtype=float)
 
-    k = _valleys(curves, nichols_disc_margin(curves.loop, GM, PM))
+    k = np.flatnonzero(valley_samples(nichols_disc_margin(curves.loop, GM, PM), curves.index))
     owner = curves.index[k]
     bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
     found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
@@ -210,14 +210,6 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
         source=loop,
         criteria=criteria,
     )
-
-
-def _valleys(curves: Curves, distance: Array) -> IntArray:
-    """Return the positions of samples that are not above their neighbours on the same curve."""
-    same = curves.index[1:] == curves.index[:-1]
-    inner = same[1:] & same[:-1]
-    low = (distance[1:-1] <= distance[:-2]) & (distance[1:-1] < distance[2:])
-    return np.flatnonzero(inner & low) + 1
 
 
 def _shares(loop: Loop, index: IntArray, omega: Array) -> Array:

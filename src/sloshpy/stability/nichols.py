@@ -1,6 +1,6 @@
 """Distance from the critical point in the margin-normalised Nichols plane, eq 24, and curves sampled to find it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.dynamics.response import transfer
-from sloshpy.units import Array, ComplexArray, IntArray, Real
+from sloshpy.units import Array, BoolArray, ComplexArray, IntArray, Real
 
 
 def nichols_disc_margin(loop: ComplexArray, gain_margin: Real, phase_margin: Real) -> Array:
@@ -49,38 +49,124 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
 
     Frequencies start from the poles and zeros of the loop, open and closed, in steps of their own half-width. Then
     every piece whose ends lie farther apart in the normalised Nichols plane than a fraction of their distance to the
-    critical point is halved, until none is left.
+    critical point is halved, until none is left; last, every piece in which a crossing or a minimum may hide.
     """
     index, omega = _placed(loop)
     response = transfer(loop.take(index), 1j * omega).loop
     finite = np.isfinite(response) & (response != 0.0)
-    index, omega, response = index[finite], omega[finite], response[finite]
+    curves = Curves(index=index[finite], omega=omega[finite], loop=response[finite])
     for _ in range(40):
-        near = index[1:] == index[:-1]
-        step = np.log(response[1:] / response[:-1])
+        step = _steps(loop, curves, np.arange(len(curves.omega) - 1))
         chord = np.hypot(step.real / np.log(gain_margin), step.imag / phase_margin)
-        distance = nichols_disc_margin(response, gain_margin, phase_margin)
+        distance = nichols_disc_margin(curves.loop, gain_margin, phase_margin)
         allowed = 0.15 + 0.4 * np.minimum(distance[1:], distance[:-1])
-        wide = near & (chord > allowed) & (omega[1:] > omega[:-1] * (1.0 + 1e-9))
-        k = np.flatnonzero(wide)
+        k = np.flatnonzero((chord > allowed) & _divisible(curves))
         if len(k) == 0:
             break
-        middle, owner = np.sqrt(omega[k] * omega[k + 1]), index[k]
-        added = transfer(loop.take(owner), 1j * middle).loop
-        index, omega = np.insert(index, k + 1, owner), np.insert(omega, k + 1, middle)
-        response = np.insert(response, k + 1, added)
-    return Curves(index=index, omega=omega, loop=response)
+        curves = _inserted(loop, curves, k, np.sqrt(curves.omega[k] * curves.omega[k + 1]))
+    slope = _log_slope(loop, curves)
+    among = np.arange(len(curves.omega) - 1)
+    for _ in range(16):
+        k, middle = _hidden(loop, curves, slope, among, gain_margin, phase_margin)
+        if len(k) == 0:
+            break
+        curves = _inserted(loop, curves, k, middle)
+        added = k + 1 + np.arange(len(k))
+        new = Curves(index=curves.index[added], omega=curves.omega[added], loop=curves.loop[added])
+        slope = np.insert(slope, k + 1, _log_slope(loop, new))
+        among = np.unique(added[:, None] + np.arange(-2, 2))  # the new pieces and those beside them
+        among = among[(among >= 0) & (among < len(curves.omega) - 1)]
+    return curves
+
+
+def _divisible(curves: Curves) -> BoolArray:
+    """Return which pieces join neighbours on one curve and are longer than the rounding of their frequency."""
+    return (curves.index[1:] == curves.index[:-1]) & (curves.omega[1:] > curves.omega[:-1] * (1.0 + 1e-9))
+
+
+def _steps(loop: Loop, curves: Curves, k: IntArray) -> ComplexArray:
+    """Return the change of ln L along the pieces k; the delay's part of the phase is known and never wraps."""
+    turn = np.asarray(loop.take(curves.index[k]).autopilot.delay) * (curves.omega[k + 1] - curves.omega[k])
+    with np.errstate(divide="ignore", invalid="ignore"):  # between two curves; unused
+        return np.asarray(np.log(curves.loop[k + 1] / curves.loop[k] * np.exp(1j * turn)) - 1j * turn)
+
+
+def _inserted(loop: Loop, curves: Curves, k: IntArray, omega: Array) -> Curves:
+    """Return the curves with a sample added in each of the pieces k."""
+    owner = curves.index[k]
+    return Curves(
+        index=np.insert(curves.index, k + 1, owner),
+        omega=np.insert(curves.omega, k + 1, omega),
+        loop=np.insert(curves.loop, k + 1, transfer(loop.take(owner), 1j * omega).loop),
+    )
+
+
+def _log_slope(loop: Loop, curves: Curves) -> ComplexArray:
+    """Return d ln L / d ln omega at the samples."""
+    one, s, h = loop.take(curves.index), 1j * curves.omega, 1e-7  # relative; see `margins`
+    return np.asarray((transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h * curves.loop))
+
+
+def _hidden(
+    loop: Loop, curves: Curves, slope: ComplexArray, among: IntArray, gain_margin: float, phase_margin: float
+) -> tuple[IntArray, Array]:
+    """Return the pieces, of those given, in which a minimum of eq 24 or a pair of crossings may hide; where to look.
+
+    Between two samples ln L is followed by the cubic through values and slopes. A piece is split where the cubic turns
+    eq 24 round without a sample below both neighbours, nearly does, or comes near 0 dB or -180 deg between ends that
+    lie on the same side.
+    """
+    k = among[_divisible(curves)[among]]
+    ratio = np.log(curves.omega[k + 1] / curves.omega[k])[:, None]
+    step = _steps(loop, curves, k)[:, None]
+    d0, d1 = slope[k][:, None] * ratio, slope[k + 1][:, None] * ratio
+    t = np.linspace(0.0, 1.0, 13)
+    rise = step * t**2 * (3.0 - 2.0 * t) + d0 * t * (1.0 - t) ** 2 - d1 * t**2 * (1.0 - t)
+    start = np.log(-curves.loop[k])[:, None]
+    x = ((start + rise).real / np.log(gain_margin), (start + rise).imag / phase_margin)
+    turn = 2.0 * np.pi / phase_margin
+    x = (x[0], x[1] - turn * np.round(x[1][:, 6:7] / turn))  # to the critical point nearest the middle
+    chord = np.hypot(step.real / np.log(gain_margin), step.imag / phase_margin)[:, 0]
+    distance = np.hypot(*x)
+    change = np.diff(distance**2, axis=-1)
+    low = np.argmin(distance, axis=-1)
+    valley = valley_samples(nichols_disc_margin(curves.loop, gain_margin, phase_margin), curves.index)
+    seen = valley[k] | valley[k + 1]
+    onward = change * np.sign(distance[:, -1:] - distance[:, :1])
+    flat = np.min(onward, axis=-1) < 0.25 * np.mean(np.abs(change), axis=-1)
+    split = flat & ~seen & (chord > 0.01)
+    split |= (low > 0) & (low < 12) & ~seen & (chord > 1e-4)
+    for part in x:
+        same = part[:, 0] * part[:, -1] > 0.0
+        split |= same & (np.min(part * np.sign(part[:, :1]), axis=-1) < 0.1 * chord) & (chord > 0.01)
+    inner = np.where((low > 0) & (low < 12), low, 6) / 12.0
+    where = curves.omega[k] * np.exp(ratio[:, 0] * inner)
+    return k[split], where[split]
+
+
+def valley_samples(distance: Array, index: IntArray) -> BoolArray:
+    """Return which samples are not above their neighbours on the same curve."""
+    same = index[1:] == index[:-1]
+    valley = np.zeros(len(distance), dtype=bool)
+    valley[1:-1] = same[1:] & same[:-1] & (distance[1:-1] <= distance[:-2]) & (distance[1:-1] < distance[2:])
+    return valley
 
 
 def _placed(loop: Loop) -> tuple[IntArray, Array]:
-    """Return first frequencies of each loop of the flattened batch: clusters about its poles and zeros."""
+    """Return first frequencies of each loop of the flattened batch: clusters about its poles and zeros.
+
+    The delay is left out: it has no poles, and it turns the loop evenly, which the halving follows.
+    """
     batch = loop.batch
-    broken, _ = system_matrix(loop, closed=False)
-    closed, _ = system_matrix(loop)
+    prompt = replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))
+    broken, _ = system_matrix(prompt, closed=False)
+    closed, _ = system_matrix(prompt)
     features = [np.linalg.eigvals(broken), np.linalg.eigvals(closed), _zeros(loop)]
     p = np.concatenate([np.broadcast_to(f, (*batch, f.shape[-1])).reshape(-1, f.shape[-1]) for f in features], axis=-1)
-    size = np.abs(p)
-    own = np.where(size > 1e-5 * np.max(size, axis=-1, keepdims=True), size, np.nan)  # rigid-body zeros place nothing
+    size, n = np.abs(p), len(loop.plant.tanks)
+    # poles and zeros at the origin place nothing, rounding apart; a stiff actuator does not hide the slow ones
+    slow = np.broadcast_to(loop.plant.tank_frequency, (*batch, n)).reshape(-1, n) if n else size
+    own = np.where(size > 1e-4 * np.min(slow, axis=-1, keepdims=True, initial=np.inf), size, np.nan)
     low, high = np.nanmin(own, axis=-1), np.nanmax(own, axis=-1)
     low, high = low * 1e-2, _rolled_off(loop, high * 10.0)
     width = np.maximum(np.abs(p.real), 1e-9 * size)

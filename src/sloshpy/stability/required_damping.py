@@ -97,7 +97,7 @@ def loop_required_damping(
 
     def lacking(ratio: Array, index: IntArray) -> Array:
         growth, short = shortfall(ratio, index)
-        return np.where(np.isinf(short), -1.0, np.where(growth < 0.0, short, np.maximum(short, disc_margin)))
+        return np.where(growth < 0.0, np.maximum(short, -1e3), disc_margin)  # -inf where no minimum is the tank's
 
     neutral = _supremum(growth >= 0.0, grid, growing)
     required = _supremum((growth >= 0.0) | (short > 0.0), grid, lacking)

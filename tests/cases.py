@@ -1,0 +1,85 @@
+"""The paper's example and random vehicles, for all tests."""
+
+import numpy as np
+
+from sloshpy.autopilot import Actuator, Autopilot, Filter
+from sloshpy.case import Case, Criteria
+from sloshpy.damping import ConstantDamping, PowerDamping
+from sloshpy.vehicle import SloshMass, Vehicle
+
+PAPER_VEHICLE = {"mass": 1.6e4, "inertia": 9e5, "cg": 6.0, "thrust": 9e5}
+PAPER_TANK = {"name": "LOX", "slosh_mass": 1e3, "station": 9.0, "frequency": 2.0}
+PAPER_LAW = PowerDamping(slope=0.1, exponent=1.0)
+
+
+def paper_case(law=PAPER_LAW, *, vehicle=None, tank=None, criteria=None, more=(), **autopilot):
+    """Table 1 with the errata; any field can be replaced."""
+    return Case(
+        name="paper",
+        vehicle=Vehicle(
+            **PAPER_VEHICLE | (vehicle or {}),
+            tanks=(SloshMass(**PAPER_TANK | (tank or {}), damping=law), *more),
+        ),
+        autopilot=Autopilot(**{"attitude_gain": 0.08, "rate_gain": 0.14} | autopilot),
+        criteria=criteria or Criteria(),
+    )
+
+
+def xi(ratio):
+    return ConstantDamping(ratio=ratio)
+
+
+def random_case(rng, tanks=None, *, delay=None, actuator=None, filters=None, least=1e-4, most=0.1):
+    """A vehicle of any proportions whose rigid crossover lies near its slosh; every part may be absent."""
+    n = tanks or int(rng.integers(1, 5))
+    M, r, cg, a = 10 ** rng.uniform(3, 6), rng.uniform(3, 12), rng.uniform(4, 15), rng.uniform(3, 30)
+    I = M * r**2
+    w = rng.uniform(1.0, 5.0) * np.exp(rng.uniform(-0.35, 0.35, n))
+    masses, levers = [], []
+    for _ in range(n):
+        m = M * 10 ** rng.uniform(-2.5, -0.8) / n
+        reach = min(1.5 * r, np.sqrt(0.5 * I / (n * m)))
+        masses.append(m)
+        levers.append(rng.uniform(-reach, reach))
+    F = M * a
+    share, drag = (rng.uniform(0.3, 1.0), rng.uniform(0, 0.2) * F) if rng.random() < 0.5 else (1.0, 0.0)
+    c2 = share * F * cg / I
+    wc, zc = w.mean() * rng.uniform(0.15, 1.2), rng.uniform(0.3, 1.2)
+    delayed = rng.random() < 0.5 if delay is None else delay
+    acted = rng.random() < 0.4 if actuator is None else actuator
+    filtered = rng.random() < 0.4 if filters is None else filters
+    chosen = []
+    if filtered:
+        wf, z = wc * rng.uniform(2, 20), rng.uniform(0.3, 1)
+        chosen.append(Filter(numerator=(wf**2,), denominator=(1.0, 2 * z * wf, wf**2)))
+        if rng.random() < 0.5:
+            wn = wc * rng.uniform(4, 15)
+            chosen.append(Filter(numerator=(1.0, 0.02 * wn, wn**2), denominator=(1.0, wn, wn**2)))
+        if rng.random() < 0.3:
+            chosen.append(Filter(numerator=(1.0, rng.uniform(0.5, 2) * wc), denominator=(1.0, rng.uniform(2, 9) * wc)))
+    damping = 10 ** rng.uniform(np.log10(least), np.log10(most), n)
+    return Case(
+        name="random",
+        vehicle=Vehicle(
+            mass=M,
+            inertia=I,
+            cg=cg,
+            thrust=F,
+            vectored_thrust=share * F,
+            drag=drag,
+            tanks=tuple(
+                SloshMass(
+                    name=f"tank {j + 1}", slosh_mass=masses[j], station=cg - levers[j], frequency=w[j], damping=xi(x)
+                )
+                for j, x in enumerate(damping)
+            ),
+        ),
+        autopilot=Autopilot(
+            attitude_gain=wc**2 / c2,
+            rate_gain=2 * zc * wc / c2,
+            gain=10 ** rng.uniform(-0.2, 0.2),
+            delay=rng.uniform(0.01, 0.5) / wc if delayed else 0.0,
+            actuator=Actuator(frequency=wc * rng.uniform(3, 30), damping=rng.uniform(0.4, 1.2)) if acted else None,
+            filter=tuple(chosen),
+        ),
+    ), damping
