@@ -60,10 +60,10 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
         chord = np.hypot(step.real / np.log(gain_margin), step.imag / phase_margin)
         distance = nichols_disc_margin(curves.loop, gain_margin, phase_margin)
         allowed = 0.15 + 0.4 * np.minimum(distance[1:], distance[:-1])
-        k = np.flatnonzero((chord > allowed) & _divisible(curves))
-        if len(k) == 0:
+        split = np.flatnonzero((chord > allowed) & _divisible(curves))
+        if len(split) == 0:
             break
-        curves = _inserted(loop, curves, k, np.sqrt(curves.omega[k] * curves.omega[k + 1]))
+        curves = _inserted(loop, curves, split, np.sqrt(curves.omega[split] * curves.omega[split + 1]))
     slope = _log_slope(loop, curves)
     among = np.arange(len(curves.omega) - 1)
     for _ in range(16):
@@ -81,7 +81,7 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
 
 def _divisible(curves: Curves) -> BoolArray:
     """Return which pieces join neighbours on one curve and are longer than the rounding of their frequency."""
-    return (curves.index[1:] == curves.index[:-1]) & (curves.omega[1:] > curves.omega[:-1] * (1.0 + 1e-9))
+    return np.asarray((curves.index[1:] == curves.index[:-1]) & (curves.omega[1:] > curves.omega[:-1] * (1.0 + 1e-9)))
 
 
 def _steps(loop: Loop, curves: Curves, k: IntArray) -> ComplexArray:
@@ -94,10 +94,15 @@ def _steps(loop: Loop, curves: Curves, k: IntArray) -> ComplexArray:
 def _inserted(loop: Loop, curves: Curves, k: IntArray, omega: Array) -> Curves:
     """Return the curves with a sample added in each of the pieces k."""
     owner = curves.index[k]
+    value = transfer(loop.take(owner), 1j * omega).loop
+    on = ~np.isfinite(value) | (value == 0.0)  # exactly on an undamped pole or zero: beside it
+    if np.any(on):
+        omega = np.where(on, omega * (1.0 + 1e-11), omega)
+        value = transfer(loop.take(owner), 1j * omega).loop
     return Curves(
         index=np.insert(curves.index, k + 1, owner),
         omega=np.insert(curves.omega, k + 1, omega),
-        loop=np.insert(curves.loop, k + 1, transfer(loop.take(owner), 1j * omega).loop),
+        loop=np.insert(curves.loop, k + 1, value),
     )
 
 
