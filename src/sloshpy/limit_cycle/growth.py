@@ -96,13 +96,12 @@ def growth_curve(case: Case, tank: int = 0, amplitude: Array | None = None) -> G
     """
     loop = open_loop(case)
     amplitude = _amplitudes(case, tank) if amplitude is None else np.asarray(amplitude, dtype=float)
-    pole = _start(loop, tank)
+    last = _start(loop, tank)
     rows = []
     for a in amplitude:
-        pole, slosh, tvc = _at(case, loop, tank, float(a), pole)
+        pole, slosh, tvc = _at(case, loop, tank, float(a), last)
         rows.append((pole, slosh, tvc))
-        if np.isnan(pole):
-            pole = rows[-2][0] if len(rows) > 1 else _start(loop, tank)
+        last = last if np.isnan(pole) else pole
     return GrowthCurve(
         case=case,
         tank=case.vehicle.tanks[tank].name,
