@@ -66,7 +66,8 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
         y_all = y_b - np.sum(Y_a * sd * z, axis=-1)
     K = forward_transfer(a, s)
     stiffness_change = 2.0 * p.tank_frequency * (p.tank_frequency + loop.damping * s[..., None])
-    return Transfer(loop=-K * y_all, slosh=z, sensitivity=K[..., None] * y_a * stiffness_change * z)
+    with np.errstate(invalid="ignore"):  # likewise
+        return Transfer(loop=-K * y_all, slosh=z, sensitivity=K[..., None] * y_a * stiffness_change * z)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,10 +93,15 @@ def _steps(loop: Loop, curves: Curves, k: Array) -> ComplexArray:
 def _inserted(loop: Loop, curves: Curves, k: Array, omega: Array) -> Curves:
     """Return the curves with a sample added in each of the pieces k."""
     owner = curves.index[k]
+    response = transfer(loop.take(owner), 1j * omega).loop
+    on_a_pole = ~np.isfinite(response) | (response == 0.0)  # an undamped pole or zero, met exactly: step beside it
+    if np.any(on_a_pole):
+        omega = np.where(on_a_pole, omega + 0.25 * (curves.omega[k + 1] - omega), omega)
+        response = transfer(loop.take(owner), 1j * omega).loop
     return Curves(
         index=np.insert(curves.index, k + 1, owner),
         omega=np.insert(curves.omega, k + 1, omega),
-        loop=np.insert(curves.loop, k + 1, transfer(loop.take(owner), 1j * omega).loop),
+        loop=np.insert(curves.loop, k + 1, response),
     )
 
 
