@@ -69,7 +69,7 @@ def test_tables_never_extrapolate():
     assert np.isnan(TABLE.amplitude(0.0501))
     late = TableDamping(amplitude=[0.1, 0.2], ratio=[0.01, 0.02])
     assert np.isnan(late.ratio(0.09))
-    with pytest.raises(OutsideValidity, match="starts at 0.1 m"):
+    with pytest.raises(OutsideValidity, match=r"starts at 0\.1 m"):
         late.acceleration(0.3, 2.0)
     with pytest.raises(OutsideValidity, match="LOX"):
         margins(paper_case(TABLE), amplitude=0.7)

@@ -8,7 +8,6 @@ import oracle
 from cases import paper_case, xi
 from sloshpy.autopilot import Actuator
 from sloshpy.damping import PowerDamping, TableDamping
-from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import limit_cycles, predict_limit_cycle
 from sloshpy.vehicle import SloshMass
 
@@ -72,11 +71,7 @@ def test_two_tanks_locked_together_solve_the_coupled_balance():
     """T25: alone 0.224 m and 0.146 m, together 0.112 m and 0.273 m at 0.385 Hz; one frequency."""
     law = PowerDamping(slope=0.1)
     case = paper_case(law, more=(SloshMass(name="b", slosh_mass=1e3, station=9.0, frequency=2.3, damping=law),))
-    try:
-        cycles = limit_cycles(case)
-    except OutsideValidity as refused:
-        assert "modes grow" in str(refused)
-        return
+    cycles = limit_cycles(case)
     stable = [x for x in cycles if x.stable]
     A, W = oracle.coupled_limit_cycle(
         oracle.numbers(case, 0.0), [lambda a: float(law.ratio(a))] * 2, [0.112, 0.273], 2 * np.pi * 0.385

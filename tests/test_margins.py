@@ -125,7 +125,7 @@ def test_all_crossings_of_three_tanks_and_a_delay_are_listed_with_their_modes():
     )
     case = paper_case(law=xi(0.004), more=more, delay=0.12)
     found = margins(case)
-    gain, phase = oracle.crossings(oracle.numbers(case, 0.004), np.geomspace(0.05, 60, 400_001))
+    gain, _ = oracle.crossings(oracle.numbers(case, 0.004), np.geomspace(0.05, 60, 400_001))
     ours = _points(found.gain_crossings)[0]
     assert len(ours) == len(gain) >= 5
     listed = found.listed(found.gain_crossings)

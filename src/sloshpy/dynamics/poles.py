@@ -1,6 +1,6 @@
 """Poles of the loop: finite eigenvalues, polished on the exact characteristic function, named by participation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -208,8 +208,9 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
         loop: one loop, no batch.
         decades: reach of the path beyond the loop's own frequencies; the winding there is checked to have died out.
     """
-    scale = np.abs(np.linalg.eigvals(system_matrix(loop, closed=False)[0]))
-    scale = scale[scale > 1e-6 * np.max(scale)]
+    prompt = replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))  # a delay has no poles
+    scale = np.abs(np.linalg.eigvals(system_matrix(prompt, closed=False)[0]))
+    scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
     degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
     degree += 2 * (loop.autopilot.actuator is not None)
     centre = float(np.exp(np.mean(np.log(scale))))

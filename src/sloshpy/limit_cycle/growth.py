@@ -13,13 +13,16 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.damping import ratios
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import closed_loop_poles, polish
+from sloshpy.dynamics.poles import characteristic_matrix, closed_loop_poles, polish
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+NEUTRAL = 1e-9  # growth below this part of the frequency is rounding: an undamped mode that control does not reach
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +123,7 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     """
     if not any(_varies(case, j) for j in range(len(case.vehicle.tanks))):
         return ()
-    growing = [p for p in closed_loop_poles(open_loop(case)).value if p.real > 0.0 and p.imag > 0.0]
+    growing = [p for p in closed_loop_poles(open_loop(case)).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
     found: list[Cycle] = []
@@ -140,7 +143,9 @@ def _at(case: Case, loop: Loop, tank: int, a: float, pole: complex) -> tuple[com
     w = loop.plant.tank_frequency
     xi = loop.damping
     for step in range(200):
-        z = np.atleast_1d(transfer(replace(loop, damping=xi), np.array(pole)).slosh)
+        if np.isnan(pole):
+            break
+        z = _shape(replace(loop, damping=xi), pole)
         slosh = a * np.abs(z) / np.abs(z[tank])
         wanted = ratios(laws, abs(pole.imag) * slosh / w)
         if np.any(np.isnan(wanted)):
@@ -151,6 +156,18 @@ def _at(case: Case, loop: Loop, tank: int, a: float, pole: complex) -> tuple[com
         if abs(pole - before) < 1e-12 * abs(pole) and np.all(np.abs(xi - wanted) < 1e-12):
             return pole, slosh, float(a / np.abs(z[tank]))
     return complex(np.nan, np.nan), np.full(len(laws), np.nan), np.nan
+
+
+def _shape(loop: Loop, pole: complex) -> ComplexArray:
+    """Return the slosh amplitudes of a mode per engine angle."""
+    z = np.atleast_1d(transfer(loop, np.array(pole)).slosh)
+    if np.all(np.isfinite(z)) and np.any(z != 0.0):
+        return z
+    # the engine does not reach this mode (slosh at the centre of percussion): its shape is the null vector
+    vector = np.conj(np.linalg.svd(characteristic_matrix(loop, np.array(pole))[0])[2][-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = vector[:-1][loop.plant.slosh] / vector[-1]
+    return ratio if np.all(np.isfinite(ratio)) else vector[:-1][loop.plant.slosh] / np.finfo(float).tiny ** 0.5
 
 
 def _cycle(case: Case, tank: int, curve: GrowthCurve, k: int) -> Cycle:

@@ -95,9 +95,9 @@ def _inserted(loop: Loop, curves: Curves, k: IntArray, omega: Array) -> Curves:
     """Return the curves with a sample added in each of the pieces k."""
     owner = curves.index[k]
     value = transfer(loop.take(owner), 1j * omega).loop
-    on = ~np.isfinite(value) | (value == 0.0)  # exactly on an undamped pole or zero: beside it
+    on = ~np.isfinite(value) | (value == 0.0)  # an undamped pole or zero, met exactly: step beside it
     if np.any(on):
-        omega = np.where(on, omega * (1.0 + 1e-11), omega)
+        omega = np.where(on, omega + 0.25 * (curves.omega[k + 1] - omega), omega)
         value = transfer(loop.take(owner), 1j * omega).loop
     return Curves(
         index=np.insert(curves.index, k + 1, owner),
