@@ -7,7 +7,8 @@ import pytest
 import oracle
 from cases import paper_case, xi
 from sloshpy.autopilot import Actuator
-from sloshpy.damping import PowerDamping, TableDamping
+from sloshpy.damping import PowerDamping, SumDamping, TableDamping
+from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import limit_cycles, predict_limit_cycle
 from sloshpy.vehicle import SloshMass
 
@@ -67,19 +68,28 @@ def test_describing_function_of_python_control_gives_the_same_cycle():
     assert cycle.omega == pytest.approx(W, rel=1e-8)
 
 
-def test_two_tanks_locked_together_solve_the_coupled_balance():
-    """T25: alone 0.224 m and 0.146 m, together 0.112 m and 0.273 m at 0.385 Hz; one frequency."""
+def test_two_growing_modes_are_refused():
+    """T25: at 2.3 rad/s beside 2 rad/s both grow; one sinusoid is published for neither."""
     law = PowerDamping(slope=0.1)
     case = paper_case(law, more=(SloshMass(name="b", slosh_mass=1e3, station=9.0, frequency=2.3, damping=law),))
-    cycles = limit_cycles(case)
-    stable = [x for x in cycles if x.stable]
+    with pytest.raises(OutsideValidity, match="modes grow"):
+        limit_cycles(case)
+
+
+def test_two_tanks_locked_together_solve_the_coupled_balance():
+    """One growing mode shared by two tanks, each with its own law: one frequency, amplitudes as z/beta."""
+    law, wall = PowerDamping(slope=0.1), SumDamping(of=(xi(0.03), PowerDamping(slope=0.1)))
+    case = paper_case(law, more=(SloshMass(name="b", slosh_mass=400.0, station=9.0, frequency=2.3, damping=wall),))
+    (cycle,) = limit_cycles(case)
+    ours = list(cycle.slosh_amplitude.values())
     A, W = oracle.coupled_limit_cycle(
-        oracle.numbers(case, 0.0), [lambda a: float(law.ratio(a))] * 2, [0.112, 0.273], 2 * np.pi * 0.385
+        oracle.numbers(case, 0.0),
+        [lambda a: float(law.ratio(a)), lambda a: float(wall.ratio(a))],
+        [0.9 * a for a in ours],
+        cycle.omega,
     )
-    assert len(stable) == 1
-    assert stable[0].omega == pytest.approx(W, rel=1e-8)
-    np.testing.assert_allclose(list(stable[0].slosh_amplitude.values()), A, rtol=1e-7)
-    np.testing.assert_allclose(A, [0.112, 0.273], atol=1e-3)
+    assert cycle.omega == pytest.approx(W, rel=1e-8)
+    np.testing.assert_allclose(ours, A, rtol=1e-6)
 
 
 def test_every_cycle_of_a_law_that_dips_is_listed_with_its_stability():
