@@ -49,8 +49,19 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
         with np.errstate(divide="ignore", invalid="ignore"):  # infinite on an undamped pole, as it must be
             z = z_b[..., 0] / (1.0 + sd[..., 0] * Z_a[..., 0, 0])
             return Transfer(loop=(s * Y_a[..., 0]) * excess_damping(loop)[..., 0] * z - Y_b, slosh=z[..., None])
-    several = np.linalg.solve(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], z_b[..., None])[..., 0]
-    return Transfer(loop=np.sum(Y_a * sd * several, axis=-1) - Y_b, slosh=several)
+    several = _closed(np.asarray(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], dtype=complex), z_b)
+    with np.errstate(invalid="ignore"):  # as above
+        return Transfer(loop=np.sum(Y_a * sd * several, axis=-1) - Y_b, slosh=several)
+
+
+def _closed(closure: ComplexArray, right: ComplexArray) -> ComplexArray:
+    """Solve closure z = right at every point; infinite where a point lies exactly on an undamped pole."""
+    try:
+        return np.asarray(np.linalg.solve(closure, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        on = (np.linalg.det(closure) == 0.0)[..., None]
+        z = np.linalg.solve(np.where(on[..., None], np.eye(closure.shape[-1]), closure), right[..., None])[..., 0]
+        return np.where(on, np.inf, z)
 
 
 def tank_sensitivity(loop: Loop, s: ComplexArray) -> ComplexArray:

@@ -167,7 +167,9 @@ def _shape(loop: Loop, pole: complex) -> ComplexArray:
     vector = np.conj(np.linalg.svd(characteristic_matrix(loop, np.array(pole))[0])[2][-1])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = vector[:-1][loop.plant.slosh] / vector[-1]
-    return np.asarray(ratio if np.all(np.isfinite(ratio)) else vector[:-1][loop.plant.slosh] / np.finfo(float).tiny ** 0.5)
+    return np.asarray(
+        ratio if np.all(np.isfinite(ratio)) else vector[:-1][loop.plant.slosh] / np.finfo(float).tiny ** 0.5
+    )
 
 
 def _cycle(case: Case, tank: int, curve: GrowthCurve, k: int) -> Cycle:
