@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
@@ -199,10 +200,13 @@ def example(name: Annotated[str, Parameter(help="name of a shipped example")] = 
     return 0
 
 
-def main() -> None:
-    """Run the command line; faults of the input go to standard error with exit status 2."""
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command line, by default on the words it was called with.
+
+    Faults of the input go to standard error, with exit status 2.
+    """
     try:
-        status = app(exit_on_error=False)
+        status = app(sys.argv[1:] if words is None else list(words), exit_on_error=False)
     except cyclopts.CycloptsError:
         status = 2  # its message is on standard error already
     except InputError as error:
@@ -255,7 +259,12 @@ def _read_at(case: Case, damping: str | None, amplitude: str | None) -> dict[str
         return {"damping": _damping(case, damping)}
     if amplitude is not None:
         named = _named(case, "--amplitude", amplitude)
-        return {"amplitude": np.array([_quantity("--amplitude", t, "m") if t else 0.0 for t in named])}
+        least = [tank.damping.smallest_amplitude for tank in case.vehicle.tanks]
+        return {
+            "amplitude": np.array(
+                [_quantity("--amplitude", t, "m") if t else a for t, a in zip(named, least, strict=True)]
+            )
+        }
     return {}
 
 
@@ -309,7 +318,11 @@ def _ratio(option: str, text: str) -> float:
 
 
 def _quantity(option: str, text: str, unit: str) -> float:
+    """Return an option's quantity in SI; none of them may be negative (a gain in dB is a ratio here)."""
     try:
-        return parse(text, unit)
+        value = parse(text, unit)
     except UnitError as error:
         raise InputError(Problem(key=option, value=text, rule=error.rule, cure=error.cure)) from None
+    if value < 0.0:
+        raise InputError(Problem(key=option, value=text, rule="must be >= 0", cure="drop the sign"))
+    return value

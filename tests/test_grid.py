@@ -1,0 +1,80 @@
+"""Surveys of many loops on a common grid agree with the oracle, loop by loop."""
+
+import numpy as np
+import pytest
+
+import oracle
+from cases import paper_case, random_case, xi
+from sloshpy.case import Criteria
+from sloshpy.dynamics import open_loop
+from sloshpy.stability.grid import grid_sweep
+from sloshpy.vehicle import SloshMass
+
+OMEGA = np.geomspace(0.2, 12.0, 500)
+DAMPINGS = np.array([0.003, 0.01, 0.03, 0.1])
+
+
+def by_oracle(case, damping):
+    c = oracle.numbers(case, np.atleast_1d(damping))
+    distance = oracle.disc_margin(oracle.loop(c, 1j * OMEGA))
+    k = int(np.argmin(distance))
+    return distance[k], OMEGA[k], np.max(np.abs(oracle.solved(c, 1j * OMEGA)[1])), oracle.stable(c)
+
+
+def test_vehicles_by_dampings_equal_the_oracle_one_by_one():
+    masses = np.array([[14000.0], [16000.0], [19000.0]])
+    batch = paper_case(xi(0.01), vehicle={"mass": masses})
+    found = grid_sweep(open_loop(batch, DAMPINGS[:, None]), OMEGA, Criteria())
+    assert found.least.shape == (3, 4)
+    for i, j in np.ndindex(3, 4):
+        one = paper_case(xi(0.01), vehicle={"mass": float(masses[i, 0])})
+        least, omega, slosh, stable = by_oracle(one, DAMPINGS[j])
+        # 1e-9: the two routes differ by rounding of L, amplified by the slope of the logarithm
+        assert found.least[i, j] == pytest.approx(least, rel=1e-9)
+        assert found.omega[i, j] == pytest.approx(omega)
+        assert found.slosh[i, j] == pytest.approx(slosh, rel=1e-9)
+        assert found.stable[i, j] == stable
+        assert np.sign(found.nichols_disc_margin[i, j]) == (1.0 if stable else -1.0)
+
+
+def test_a_batch_of_vehicles_alone_and_one_loop_equal_the_oracle():
+    masses = np.array([14000.0, 16000.0])
+    loop = open_loop(paper_case(xi(0.02), vehicle={"mass": masses}), np.array([[0.02], [0.02]]))
+    found = grid_sweep(loop, OMEGA, Criteria())
+    for i, mass in enumerate(masses):
+        assert found.least[i] == pytest.approx(
+            by_oracle(paper_case(xi(0.02), vehicle={"mass": mass}), 0.02)[0], rel=1e-9
+        )
+    single = grid_sweep(open_loop(paper_case(xi(0.02))), OMEGA, Criteria())
+    assert single.least.shape == ()
+    assert single.least == pytest.approx(by_oracle(paper_case(xi(0.02)), 0.02)[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_cases_with_several_tanks_delay_and_actuator_equal_the_oracle(seed):
+    case, _ = random_case(np.random.default_rng(seed), tanks=1 + seed % 3, delay=True, actuator=True)
+    n = len(case.vehicle.tanks)
+    damping = np.array([[0.004] * n, [0.05] * n])
+    found = grid_sweep(open_loop(case, damping), OMEGA, Criteria())
+    for j in range(2):
+        least, _, slosh, stable = by_oracle(case, damping[j])
+        assert found.least[j] == pytest.approx(least, rel=1e-8)
+        assert found.slosh[j] == pytest.approx(slosh, rel=1e-8)
+        assert found.stable[j] == stable
+
+
+def test_more_vehicles_than_one_group_keep_their_order():
+    masses = np.linspace(14000.0, 20000.0, 70)[:, None]
+    found = grid_sweep(open_loop(paper_case(vehicle={"mass": masses}), DAMPINGS[:, None]), OMEGA, Criteria())
+    for i in (0, 31, 32, 69):
+        one = grid_sweep(open_loop(paper_case(vehicle={"mass": masses[i]}), DAMPINGS[:, None]), OMEGA, Criteria())
+        assert np.array_equal(found.least[i], one.least)
+
+
+def test_a_grid_is_never_less_optimistic_than_the_refined_minimum():
+    tank = SloshMass(name="aux", slosh_mass=60.0, station=3.0, frequency=3.1, damping=xi(0.0005))
+    case = paper_case(xi(0.048), more=(tank,))
+    from sloshpy.stability import margins
+
+    on_grid = grid_sweep(open_loop(case), OMEGA, Criteria()).least
+    assert on_grid > margins(case).minima.value[0] + 0.01
