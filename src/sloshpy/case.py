@@ -65,3 +65,13 @@ class Case(BaseModel):
     autopilot: Autopilot
     criteria: Criteria = Criteria()
     source: Source | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.vehicle.engine is not None and self.autopilot.actuator is None:
+            raise refusal(
+                ("vehicle", "engine"),
+                "has inertia, but nothing accelerates it: the autopilot has no actuator",
+                "give autopilot.actuator its frequency and damping",
+            )
+        return self

@@ -18,10 +18,15 @@ ONE = 'write 0.048 or "4.8 %"'
 PERCENT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
 BESIDE = "put the table beside the case file or below its folder"
 TOML = 'write key = value, with texts and quantities in quotation marks, as in mass = "16000 kg"'
-LATER = "take it out to assess the rest without it"
 VEHICLE = "cg, drag, inertia, mass, thrust, vectored_thrust"
 MASS, CG, THRUST, GAIN = 'mass = "16000 kg"', 'cg = "6 m"', 'thrust = "900 kN"', "attitude_gain = 0.08"
 
+SHAPE = 'tank.{} = {{ deflection = -0.3, slope = "0.02 1/m" }}\n'
+MODE = (
+    '[[flexible_mode]]\nname = "x"\nfrequency = "2 Hz"\ndamping = 0.005\ngeneralized_mass = "9000 kg"\n'
+    'gimbal = { deflection = 1.0, slope = "-0.08 1/m" }\ngyro = { slope = "0.05 1/m" }\n' + SHAPE.format("LOX")
+)
+ENGINE = '[engine]\nfirst_moment = "1500 kg*m"\ninertia = "2500 kg*m^2"\n'
 ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     # units
     "bare number": (MASS, "mass = 16000", (4, "vehicle mass", "16000", "has no unit", 'write it with its unit, as in "16000 kg" (kg)')),
@@ -71,8 +76,8 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "unknown key, none near": ("ratio = 0.01", "ratio = 0.01\nq = 3", (25, 'tank "LH2" damping q', "3", "is an unknown key", "the names here are law, ratio")),
     "unknown table": ("[criteria]", "[criterai]", (37, "criterai", "", "is an unknown key", 'did you mean "criteria"?')),
     "key that is no word": (CG, f'{CG}\n"a b" = 1', (7, 'vehicle "a b"', "1", "is an unknown key", f"the names here are {VEHICLE}")),
-    "tanks in the vehicle": (CG, f"{CG}\ntanks = []", (7, "vehicle tanks", "[]", "is an unknown key", "write each tank under its own header [[tank]]")),
-    "a source": ("[criteria]", '[source]\nfile = "x"\n[criteria]', (37, "source", "", "is an unknown key", "the names here are autopilot, criteria, name, tank, vehicle")),
+    "tanks in the vehicle": (CG, f"{CG}\ntanks = []", (7, "vehicle tanks", "[]", "is an unknown key", "write it under its own header [[tank]]")),
+    "a source": ("[criteria]", '[source]\nfile = "x"\n[criteria]', (37, "source", "", "is an unknown key", "the names here are aerodynamics, autopilot, criteria, engine, flexible_mode, name, tank, vehicle")),
     "missing key": (f"{THRUST}\n", "", (3, "vehicle thrust", "", "is missing", f"add {THRUST}")),
     "missing key of a tank": ('name = "LOX"\n', "", (9, "tank 1 name", "", "is missing", 'add name = "..."')),
     "missing key of an inline table": (GAIN, f'{GAIN}\nactuator = {{ frequency = "6 Hz" }}', (28, "autopilot actuator damping", "", "is missing", "add damping = 0.048")),
@@ -83,9 +88,11 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "duplicate key in an inline table": ("exponent = 1 ", "exponent = 1, law = 3 ", (14, "tank 1 damping law", "3", "is given twice, first in line 14", "keep one of the two")),
     "duplicate table": ("[criteria]", "[vehicle]", (37, "vehicle", "", "is given twice, first in line 3", "keep one of the two")),
     # not modelled yet
-    "flexible mode": ("[criteria]", '[[flexible_mode]]\nname = "x"\n[criteria]', (37, "flexible_mode", "", "this version does not model flexible modes", LATER)),
-    "engine": ("[criteria]", "[engine]\n[criteria]", (37, "engine", "", "this version does not model the inertia of the engine", LATER)),
-    "aerodynamics": ("[criteria]", "[aerodynamics]\n[criteria]", (37, "aerodynamics", "", "this version does not model aerodynamics", LATER)),
+    "mode that leaves a tank out": ("[criteria]", f"{MODE}[criteria]", (44, 'flexible_mode "x" tank', "", 'has no shape at tank "LH2"', "give tank.LH2 its deflection and slope")),
+    "mode at a tank that is not": ("[criteria]", f"{MODE}{SHAPE.format('LH2')}{SHAPE.format('RP1')}[criteria]", (46, 'flexible_mode "x" tank RP1', '{ deflection = -0.3, slope = "0.02 1/m" }', "is no tank of the case", "one of LOX, LH2")),
+    "mode with a wrong unit": ("[criteria]", f"{MODE}{SHAPE.format('LH2')}".replace("-0.08 1/m", "-0.08 m") + "[criteria]", (42, 'flexible_mode "x" gimbal slope', '"-0.08 m"', "is a length, must be a ratio per length", 'write "0.1 1/m" or "10 %/m"')),
+    "engine without an actuator": ("[criteria]", f"{ENGINE}[criteria]", (37, "engine", "", "has inertia, but nothing accelerates it: the autopilot has no actuator", "give autopilot.actuator its frequency and damping")),
+    "air without a speed": ("[criteria]", '[aerodynamics]\nnormal_force_slope = "2e5 N"\ncenter_of_pressure = "12 m"\n[criteria]', (37, "aerodynamics speed", "", "is missing", 'add speed = "400 m/s"')),
     "tank file": ('station = "9 m"', 'station = "9 m"\ntank_file = "lox.toml"', (13, 'tank "LOX" tank_file', '"lox.toml"', "this version does not model tanks from their shape", "give slosh_mass, station and frequency")),
     # laws of damping
     "unknown law": ('"constant"', '"constnat"', (23, 'tank "LH2" damping law', '"constnat"', "is not a law of damping", 'did you mean "constant"?')),
@@ -135,7 +142,7 @@ def test_several_problems_are_all_told_in_file_order(refused: Refuse) -> None:
         ("ratio = 0.01", 'ratio = "x"\nbogus = 1'),
         ('"0.5 Hz"', '"0.5 kg"'),
         (MASS, "mass = -1"),
-        ("[autopilot]", "[engine]\n[autopilot]"),
+        ("[autopilot]", '[engine]\nfirst_moment = 3\ninertia = "1 kg*m^2"\n[autopilot]'),
         (f"{THRUST}\n", ""),
     )
     assert [(p.line, p.key) for p in problems] == [
@@ -144,8 +151,8 @@ def test_several_problems_are_all_told_in_file_order(refused: Refuse) -> None:
         (19, 'tank "LH2" frequency'),
         (23, 'tank "LH2" damping ratio'),
         (24, 'tank "LH2" damping bogus'),
-        (26, "engine"),
-        (39, "criteria gain_margin"),
+        (27, "engine first_moment"),
+        (41, "criteria gain_margin"),
     ]
 
 

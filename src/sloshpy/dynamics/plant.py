@@ -1,14 +1,19 @@
-"""Second-order equations of motion of vehicle and slosh masses, eqs 1-3 corrected.
+"""Second-order equations of motion of vehicle, slosh masses and bending modes, eqs 1-3 corrected and completed.
 
-    Mq q'' + Cq q' + Kq q = b beta - sum_j m_j 2 xi_j w_j z_j' e_j ,   q = [Z, phi, z_1, ..., z_n]
+    Mq q'' + Cq q' + Kq q = b beta + b2 beta'' - sum_j m_j 2 xi_j w_j z_j' e_j ,   q = [Z, phi, z_1.., eta_1..]
 
-Row by row, multiplied by M, I and m_j (so that Mq is symmetric):
+Row by row, multiplied by M, I and m_j (so that Mq is symmetric), with alpha = phi - Z'/V the angle of attack:
 
-    Z:    M Z'' + sum m_j z_j''                       = R' beta + M k3 phi
-    phi:  I phi'' - sum m_j (l_j z_j'' + k3 z_j)      = -R' Xcg beta
-    z_j:  m_j (Z'' - l_j phi'' + z_j'' + w_j^2 z_j)   = m_j k3 phi - m_j 2 xi_j w_j z_j'
+    Z:     M Z'' + sum m_j z_j''                       = R' beta + M k3 phi + N alpha + S beta''
+    phi:   I phi'' - sum m_j (l_j z_j'' + k3 z_j)      = -(R' Xcg + a S) beta + (Xcp - Xcg) N alpha
+                                                         - (S Xcg + I_e) beta''
+    z_j:   m_j (Z'' - l_j phi'' + z_j'' + w_j^2 z_j + sum_i (Y_ij eta_i'' - a Y'_ij eta_i))
+                                                       = m_j (k3 phi - 2 xi_j w_j z_j')
+    eta_i: M_i (eta_i'' + 2 zeta_i W_i eta_i' + W_i^2 eta_i) + sum_j m_j (Y_ij z_j'' - a Y'_ij z_j)
+                                                       = (R' Y_i0 - a S Y'_i0) beta + (S Y_i0 - I_e Y'_i0) beta''
 
-The paper prints the sum of eq 1 with the other sign; the symmetry of Mq and eqs 9, 10 and 21 settle it.
+The paper prints the sum of eq 1 with the other sign; the symmetry of Mq and eqs 9, 10 and 21 settle it. The thrust
+follows the rigid axis: its turning with the slope of the bent axis at the gimbal is left out.
 The slosh damping is not in Cq: it is fed back from z_j' wherever a damping is known (see `response`).
 """
 
@@ -16,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sloshpy.units import Array
+from sloshpy.units import Array, ComplexArray, Real
 from sloshpy.vehicle import Vehicle
 
 
@@ -25,9 +30,11 @@ class Plant:
     """Matrices of the equations of motion; leading axes are a batch of vehicles.
 
     mass, damping, stiffness: (..., n, n), SI; the damping is without slosh damping.
-    force: (..., n), generalised force per radian of engine angle.
-    attitude: (n,), row that picks the measured attitude from q (its rate from q').
+    force, inertial_force: (..., n), generalised force per radian of engine angle and per rad/s^2 of its acceleration.
+    attitude, rate: (..., n), rows that pick the measured attitude from q and the measured rate from q'.
     tanks: names; tank j is coordinate `first_tank + j`. tank_mass, tank_frequency: (..., n_tanks).
+    modes: names of the bending modes, the last coordinates.
+    velocity_only: coordinate 0 is Z and enters by Z' alone (its column of the stiffness is zero).
     drift_poles: neutral poles at the origin that were removed by structure.
     """
 
@@ -35,11 +42,15 @@ class Plant:
     damping: Array
     stiffness: Array
     force: Array
+    inertial_force: Array
     attitude: Array
+    rate: Array
     tanks: tuple[str, ...]
     first_tank: int
     tank_mass: Array
     tank_frequency: Array
+    modes: tuple[str, ...] = ()
+    velocity_only: bool = False
     drift_poles: int = 0
 
     @property
@@ -47,60 +58,142 @@ class Plant:
         """Coordinates of the slosh masses."""
         return slice(self.first_tank, self.first_tank + len(self.tanks))
 
+    @property
+    def slosh_states(self) -> slice:
+        """Where the slosh displacements stand in the state x of `state_space`."""
+        gone = 1 if self.velocity_only else 0
+        return slice(self.slosh.start - gone, self.slosh.stop - gone)
+
+    def engine_force(self, s: ComplexArray) -> ComplexArray:
+        """Return the generalised force per radian of engine angle at s, b + s^2 b2, (..., n)."""
+        return np.asarray(self.force + s[..., None] ** 2 * self.inertial_force)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """What each coordinate belongs to: rigid body, a tank's slosh, a bending mode."""
+        return (*["rigid body"] * self.first_tank, *(f"{tank} slosh" for tank in self.tanks), *self.modes)
+
 
 def plant(vehicle: Vehicle) -> Plant:
     """Assemble the equations of motion of a vehicle, drift included (eqs 1-3, 9-11)."""
     M, I, Xcg, Rp = (np.asarray(x) for x in (vehicle.mass, vehicle.inertia, vehicle.cg, vehicle.vectored_thrust))
     F_axial = np.asarray(vehicle.thrust - np.asarray(vehicle.drag))  # M k3, N
-    m = [np.asarray(t.slosh_mass) for t in vehicle.tanks]
-    w = [np.asarray(t.frequency) for t in vehicle.tanks]
-    l = [np.asarray(vehicle.lever(t)) for t in vehicle.tanks]
-    batch = np.broadcast_shapes(*(x.shape for x in (M, I, Xcg, Rp, F_axial, *m, *w, *l)))
-    n = 2 + len(m)
-    Mq, Kq, b = np.zeros((*batch, n, n)), np.zeros((*batch, n, n)), np.zeros((*batch, n))
+    tanks, modes = vehicle.tanks, vehicle.flexible_modes
+    batch = np.broadcast_shapes(*(np.shape(x) for x in _numbers(vehicle)))
+    n = 2 + len(tanks) + len(modes)
+    Mq, Cq, Kq = (np.zeros((*batch, n, n)) for _ in range(3))
+    b, b2, attitude, rate = (np.zeros((*batch, n)) for _ in range(4))
     Mq[..., 0, 0], Mq[..., 1, 1] = M, I
     Kq[..., 0, 1] = -F_axial
     b[..., 0], b[..., 1] = Rp, -Rp * Xcg
-    for j, (m_j, w_j, l_j) in enumerate(zip(m, w, l, strict=True), start=2):
-        Mq[..., 0, j] = Mq[..., j, 0] = Mq[..., j, j] = m_j
-        Mq[..., 1, j] = Mq[..., j, 1] = -m_j * l_j
-        # m_j k3 as (m_j/M) (M k3): the same rounding as in `without_drift`, which then cancels it exactly
-        Kq[..., 1, j] = Kq[..., j, 1] = -(m_j / M) * F_axial
-        Kq[..., j, j] = m_j * w_j**2
-    stack = [np.broadcast_to(x, batch) for x in m], [np.broadcast_to(x, batch) for x in w]
+    attitude[..., 1] = rate[..., 1] = 1.0
+    for j, tank in enumerate(tanks, start=2):
+        m, w, l = np.asarray(tank.slosh_mass), np.asarray(tank.frequency), np.asarray(vehicle.lever(tank))
+        Mq[..., 0, j] = Mq[..., j, 0] = Mq[..., j, j] = m
+        Mq[..., 1, j] = Mq[..., j, 1] = -m * l
+        # m k3 as (m/M) (M k3): the same rounding as in `without_drift`, which then cancels it exactly
+        Kq[..., 1, j] = Kq[..., j, 1] = -(m / M) * F_axial
+        Kq[..., j, j] = m * w**2
+        for i, mode in enumerate(modes, start=2 + len(tanks)):
+            shape = mode.tank[tank.name]
+            Mq[..., i, j] = Mq[..., j, i] = m * shape.deflection
+            Kq[..., i, j] = Kq[..., j, i] = -(m / M) * F_axial * shape.slope
+    for i, mode in enumerate(modes, start=2 + len(tanks)):
+        m, W = np.asarray(mode.generalized_mass), np.asarray(mode.frequency)
+        Mq[..., i, i], Cq[..., i, i], Kq[..., i, i] = m, 2.0 * mode.damping * W * m, m * W**2
+        b[..., i] = Rp * mode.gimbal.deflection
+        attitude[..., i] = mode.gyro.slope
+        rate[..., i] = mode.gyro.slope if mode.rate_gyro is None else mode.rate_gyro.slope
+    if vehicle.engine is not None:
+        S, I_e, a = vehicle.engine.first_moment, vehicle.engine.inertia, F_axial / M
+        b2[..., 0], b2[..., 1] = S, -(S * Xcg + I_e)
+        b[..., 1] -= a * S
+        for i, mode in enumerate(modes, start=2 + len(tanks)):
+            b2[..., i] = S * mode.gimbal.deflection - I_e * mode.gimbal.slope
+            b[..., i] -= a * S * mode.gimbal.slope
+    if vehicle.aerodynamics is not None:
+        N, V = vehicle.aerodynamics.normal_force_slope, vehicle.aerodynamics.speed
+        arm = np.asarray(vehicle.aerodynamics.center_of_pressure) - Xcg
+        Kq[..., 0, 1] -= N
+        Kq[..., 1, 1] -= arm * N
+        Cq[..., 0, 0] += N / V
+        Cq[..., 1, 0] += arm * N / V
     return Plant(
         mass=Mq,
-        damping=np.zeros((*batch, n, n)),
+        damping=Cq,
         stiffness=Kq,
         force=b,
-        attitude=np.eye(n)[1],
-        tanks=tuple(t.name for t in vehicle.tanks),
+        inertial_force=b2,
+        attitude=attitude,
+        rate=rate,
+        tanks=tuple(t.name for t in tanks),
         first_tank=2,
-        tank_mass=np.stack(stack[0], axis=-1) if m else np.zeros((*batch, 0)),
-        tank_frequency=np.stack(stack[1], axis=-1) if w else np.zeros((*batch, 0)),
+        tank_mass=_stacked([t.slosh_mass for t in tanks], batch),
+        tank_frequency=_stacked([t.frequency for t in tanks], batch),
+        modes=tuple(mode.name for mode in modes),
     )
 
 
-def without_drift(full: Plant) -> Plant:
-    """Remove Z from the plant where nothing depends on Z or Z' (no tolerance: their columns are exactly zero).
+def _numbers(vehicle: Vehicle) -> list[Real]:
+    """Return every number of a vehicle whose leading axes make the batch."""
+    numbers: list[Real] = [
+        vehicle.mass,
+        vehicle.inertia,
+        vehicle.cg,
+        vehicle.thrust,
+        vehicle.vectored_thrust,
+        vehicle.drag,
+    ]
+    for tank in vehicle.tanks:
+        numbers += [tank.slosh_mass, tank.station, tank.frequency]
+    for mode in vehicle.flexible_modes:
+        numbers += [mode.frequency, mode.damping, mode.generalized_mass, mode.gyro.slope]
+        numbers += [
+            number for shape in (mode.gimbal, *mode.tank.values()) for number in (shape.deflection, shape.slope)
+        ]
+        numbers += [mode.rate_gyro.slope] if mode.rate_gyro is not None else []
+    if vehicle.engine is not None:
+        numbers += [vehicle.engine.first_moment, vehicle.engine.inertia]
+    if vehicle.aerodynamics is not None:
+        air = vehicle.aerodynamics
+        numbers += [air.normal_force_slope, air.center_of_pressure, air.speed]
+    return numbers
 
-    Row Z then gives Z'' alone; put into the other rows it leaves a plant without the two neutral poles that attitude
-    control neither sees nor moves.
+
+def _stacked(values: list[Real], batch: tuple[int, ...]) -> Array:
+    if not values:
+        return np.zeros((*batch, 0))
+    return np.stack([np.broadcast_to(np.asarray(x, dtype=float), batch) for x in values], axis=-1)
+
+
+def without_drift(full: Plant) -> Plant:
+    """Remove drift from the plant by structure, never by a tolerance on its poles.
+
+    Where nothing depends on Z or Z' (their columns are exactly zero), row Z gives Z'' alone; put into the other rows it
+    leaves a plant without the two neutral poles that attitude control neither sees nor moves. Where Z' counts
+    (aerodynamics) but Z does not, one neutral pole goes.
     """
-    if np.any(full.stiffness[..., :, 0]) or np.any(full.damping[..., :, 0]) or full.attitude[0] != 0.0:
+    if np.any(full.stiffness[..., :, 0]) or np.any(full.attitude[..., 0]) or np.any(full.rate[..., 0]):
         return full
+    if np.any(full.damping[..., :, 0]):
+        return replace(full, velocity_only=True, drift_poles=full.drift_poles + 1)
     share = full.mass[..., 1:, :1] / full.mass[..., :1, :1]
 
     def eliminate(matrix: Array) -> Array:
         return matrix[..., 1:, 1:] - share * matrix[..., :1, 1:]
+
+    def reduce(vector: Array) -> Array:
+        return vector[..., 1:] - share[..., 0] * vector[..., :1]
 
     return replace(
         full,
         mass=eliminate(full.mass),
         damping=eliminate(full.damping),
         stiffness=eliminate(full.stiffness),
-        force=full.force[..., 1:] - share[..., 0] * full.force[..., :1],
-        attitude=full.attitude[1:],
+        force=reduce(full.force),
+        inertial_force=reduce(full.inertial_force),
+        attitude=full.attitude[..., 1:],
+        rate=full.rate[..., 1:],
         first_tank=full.first_tank - 1,
         drift_poles=full.drift_poles + 2,
     )
@@ -112,32 +205,42 @@ def slosh_damping(plant: Plant, ratio: Array) -> Array:
 
 
 def state_space(plant: Plant, ratio: Array) -> tuple[Array, Array, Array]:
-    """Return A, B, C of x' = A x + B beta, y = [phi, phi'] = C x with x = [q, q'] (eqs 4-12).
+    """Return A, B, C of x' = A x + B beta (+ B2 beta''), y = [phi, phi'] = C x with x = [q, q'] (eqs 4-12).
+
+    Where Z enters by its velocity alone, the state Z is left out. B2 is `inertial_input`.
 
     Args:
         plant: equations of motion, with or without drift.
         ratio: slosh damping ratios, shape (..., n_tanks).
+
+    Returns:
+        A (..., N, N), B (..., N), C (..., 2, N).
     """
     n = plant.mass.shape[-1]
-    slosh = plant.slosh
     batch = np.broadcast_shapes(plant.mass.shape[:-2], np.shape(ratio)[:-1])
     C_all = np.broadcast_to(plant.damping, (*batch, n, n)).copy()
-    diagonal = np.arange(n)[slosh]
+    diagonal = np.arange(n)[plant.slosh]
     C_all[..., diagonal, diagonal] += slosh_damping(plant, ratio)
     right = np.concatenate(
         [
             -np.broadcast_to(plant.stiffness, (*batch, n, n)),
             -C_all,
-            np.broadcast_to(plant.force, (*batch, n))[..., None],
+            np.broadcast_to(plant.force[..., None], (*batch, n, 1)),
         ],
         axis=-1,
     )
     accelerations = np.linalg.solve(plant.mass, right)
-    A = np.zeros((*batch, 2 * n, 2 * n))
+    A, B = np.zeros((*batch, 2 * n, 2 * n)), np.zeros((*batch, 2 * n))
     A[..., :n, n:] = np.eye(n)
     A[..., n:, :] = accelerations[..., : 2 * n]
-    B = np.zeros((*batch, 2 * n))
     B[..., n:] = accelerations[..., 2 * n]
-    C = np.zeros((2, 2 * n))
-    C[0, :n] = C[1, n:] = plant.attitude
-    return A, B, C
+    C = np.zeros((*plant.attitude.shape[:-1], 2, 2 * n))
+    C[..., 0, :n], C[..., 1, n:] = plant.attitude, plant.rate
+    first = 1 if plant.velocity_only else 0
+    return A[..., first:, first:], B[..., first:], C[..., first:]
+
+
+def inertial_input(plant: Plant) -> Array:
+    """Return B2, the input of the engine's angular acceleration beta'' to the state of `state_space`, (..., N)."""
+    accelerations = np.linalg.solve(plant.mass, plant.inertial_force[..., None])[..., 0]
+    return np.concatenate([np.zeros_like(accelerations)[..., int(plant.velocity_only) :], accelerations], axis=-1)

@@ -8,7 +8,7 @@ import numpy as np
 from sloshpy.autopilot import series_blocks
 from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.plant import slosh_damping, state_space
+from sloshpy.dynamics.plant import inertial_input, slosh_damping, state_space
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -98,20 +98,26 @@ def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
 def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
     """Return the state matrix of the loop, shape (..., N, N), closed or broken at the engine, and its state groups."""
     A_p, B_p, C_p = state_space(loop.plant, loop.damping)
+    B2_p = inertial_input(loop.plant)
     a = loop.autopilot
     A_c, B_c, C_c, D_c, groups = controller(loop)
     batch, n, k = loop.batch, A_p.shape[-1], A_c.shape[-1]
-    sensed = np.asarray(a.attitude_gain)[..., None] * C_p[0] + np.asarray(a.rate_gain)[..., None] * C_p[1]
-    sensed = np.broadcast_to(sensed, (*batch, n))
+    sensed = np.asarray(a.attitude_gain)[..., None] * C_p[..., 0, :]
+    sensed = np.broadcast_to(sensed + np.asarray(a.rate_gain)[..., None] * C_p[..., 1, :], (*batch, n))
+    direct, through = B_p * D_c[..., None], B_p[..., :, None] * C_c[..., None, :]
+    if np.any(B2_p):  # beta'' = C A^2 x + C A B u: an actuator stands before the engine, so beta and beta' see no u
+        CA = np.einsum("...i,...ij->...j", C_c, A_c)
+        direct = direct + B2_p * np.sum(CA * B_c, axis=-1)[..., None]
+        through = through + B2_p[..., :, None] * np.einsum("...i,...ij->...j", CA, A_c)[..., None, :]
     A = np.zeros((*batch, n + k, n + k))
     A[..., :n, :n] = A_p
     A[..., n:, n:] = A_c
     A[..., n:, :n] = B_c[..., :, None] * sensed[..., None, :]
     if closed:
-        A[..., :n, :n] += B_p[..., :, None] * (D_c[..., None] * sensed)[..., None, :]
-        A[..., :n, n:] = B_p[..., :, None] * C_c[..., None, :]
-    plant_groups = ["rigid body"] * loop.plant.first_tank + [f"{tank} slosh" for tank in loop.plant.tanks]
-    return A, plant_groups * 2 + groups
+        A[..., :n, :n] += direct[..., :, None] * sensed[..., None, :]
+        A[..., :n, n:] = through
+    own = list(loop.plant.groups)
+    return A, own[1 if loop.plant.velocity_only else 0 :] + own + groups
 
 
 def characteristic_matrix(loop: Loop, s: ComplexArray, closed: bool = True) -> tuple[ComplexArray, ComplexArray]:
@@ -119,10 +125,11 @@ def characteristic_matrix(loop: Loop, s: ComplexArray, closed: bool = True) -> t
 
     T is the dynamic stiffness of the plant bordered by the forward path n(s)/d(s):
 
-        [ D(s)                       -b   ] [q   ]
-        [ -n(s) (a0 + s a1) attitude  d(s)] [beta] = 0
+        [ D(s)                             -b - s^2 b2 ] [q   ]
+        [ -n(s) (a0 attitude + s a1 rate)   d(s)       ] [beta] = 0
 
-    It is entire in s, so that no pole of the broken loop needs care. `s` broadcasts with the loop's batch.
+    It is entire in s, so that no pole of the broken loop needs care. Where Z enters by its velocity alone, Z' is the
+    unknown in its place. `s` broadcasts with the loop's batch.
     """
     p, a = loop.plant, loop.autopilot
     n = p.mass.shape[-1]
@@ -131,18 +138,21 @@ def characteristic_matrix(loop: Loop, s: ComplexArray, closed: bool = True) -> t
     diagonal = np.arange(n)[p.slosh]
     slosh = slosh_damping(p, loop.damping)
     top, bottom, dtop, dbottom = forward_fraction(a, s)
-    a0, a1 = np.asarray(a.attitude_gain), np.asarray(a.rate_gain)
+    a0, a1 = np.asarray(a.attitude_gain)[..., None], np.asarray(a.rate_gain)[..., None]
     shape = np.broadcast_shapes(s.shape, loop.batch)
     T, dT = np.zeros((*shape, n + 1, n + 1), dtype=complex), np.zeros((*shape, n + 1, n + 1), dtype=complex)
     T[..., :n, :n] = S * S * p.mass + S * p.damping + p.stiffness
     dT[..., :n, :n] = 2.0 * S * p.mass + p.damping
+    if p.velocity_only:
+        T[..., :n, 0], dT[..., :n, 0] = s[..., None] * p.mass[..., :, 0] + p.damping[..., :, 0], p.mass[..., :, 0]
     T[..., diagonal, diagonal] += s[..., None] * slosh
     dT[..., diagonal, diagonal] += slosh
     T[..., n, n], dT[..., n, n] = bottom, dbottom
     if closed:
-        T[..., :n, n] = -p.force
-        T[..., n, :n] = -(top * (a0 + s * a1))[..., None] * p.attitude
-        dT[..., n, :n] = -(dtop * (a0 + s * a1) + top * a1)[..., None] * p.attitude
+        row = a0 * p.attitude + (s[..., None] * a1) * p.rate
+        T[..., :n, n], dT[..., :n, n] = -p.engine_force(s), -2.0 * s[..., None] * p.inertial_force
+        T[..., n, :n] = -top[..., None] * row
+        dT[..., n, :n] = -dtop[..., None] * row - top[..., None] * (a1 * p.rate)
     return T, dT
 
 
@@ -212,7 +222,7 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
     scale = np.abs(np.linalg.eigvals(system_matrix(prompt, closed=False)[0]))
     scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
     degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
-    degree += 2 * (loop.autopilot.actuator is not None)
+    degree += 2 * (loop.autopilot.actuator is not None) - loop.plant.velocity_only
     centre = float(np.exp(np.mean(np.log(scale))))
     low, high = np.min(scale) * 10.0**-decades, np.max(scale) * 10.0**decades
     line = loop.along()
@@ -274,7 +284,7 @@ def _named(loop: Loop, closed: bool) -> Poles:
     return Poles(
         value=values[listed],
         name=tuple(label[k] for k in listed),
-        kind=tuple(_kind(label[k], tanks) for k in listed),
+        kind=tuple(_kind(label[k], tanks, loop.plant.modes) for k in listed),
         tank=tuple(tanks.get(label[k]) for k in listed),
         groups=names,
         participation=by_group[listed],
@@ -316,7 +326,9 @@ def _label(group: str, shares: Array, names: tuple[str, ...]) -> str:
     return max((share, name) for share, name in zip(shares, names, strict=True) if name != "delay")[1]
 
 
-def _kind(name: str, tanks: dict[str, str]) -> str:
+def _kind(name: str, tanks: dict[str, str], modes: tuple[str, ...]) -> str:
     if name in tanks:
         return "slosh"
+    if name in modes:
+        return "flexible"
     return {"rigid body": "rigid", "actuator": "actuator"}.get(name, "filter")

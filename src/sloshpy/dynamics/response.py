@@ -20,7 +20,8 @@ import numpy as np
 
 from sloshpy.autopilot import forward_transfer
 from sloshpy.dynamics.loop import Loop
-from sloshpy.units import Array, ComplexArray
+from sloshpy.dynamics.plant import slosh_damping
+from sloshpy.units import Array, ComplexArray, Real
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,16 +65,27 @@ def _closed(closure: ComplexArray, right: ComplexArray) -> ComplexArray:
         return np.where(on, np.inf, z)
 
 
-def tank_sensitivity(loop: Loop, s: ComplexArray) -> ComplexArray:
-    """Return dL/d(ln w_j) at complex frequencies, (..., n_tanks): how L changes with each tank's frequency."""
+def frequency_sensitivity(loop: Loop, s: ComplexArray) -> ComplexArray:
+    """Return dL/d(ln w) at complex frequencies for each tank's slosh and then each bending mode, (..., n_groups).
+
+    Raising w_g adds dD to one diagonal entry of the dynamic stiffness, and L changes by
+    K (row D^-1 e_g) dD (q_g/beta).
+    """
     s = np.asarray(s, dtype=complex)
     p = loop.plant
-    _, Y_a, _, Z_a = at_reference(loop, s)
-    sd = s[..., None] * excess_damping(loop)
-    closure = np.swapaxes(np.eye(sd.shape[-1]) + sd[..., :, None] * Z_a, -1, -2)
-    y_a = np.linalg.solve(closure, Y_a[..., None])[..., 0]
-    stiffness_change = 2.0 * p.tank_frequency * (p.tank_frequency + loop.damping * s[..., None])
-    return np.asarray(y_a * stiffness_change * transfer(loop, s).slosh)
+    n, first = p.mass.shape[-1], p.first_tank
+    D = _stiffness(loop, s, loop.damping)
+    right = np.zeros((*D.shape[:-1], 1 + n - first), dtype=complex)
+    right[..., 0] = p.engine_force(s)
+    right[..., np.arange(first, n), np.arange(1, 1 + n - first)] = 1.0
+    q = np.linalg.solve(D, right)
+    y = np.sum(_sensed(loop, s)[..., None] * q[..., 1:], axis=-2)
+    own = np.arange(first, n)
+    diagonal = 2.0 * p.stiffness[..., own, own] + s[..., None] * p.damping[..., own, own]
+    tanks = np.arange(len(p.tanks))
+    diagonal = np.broadcast_to(diagonal, y.shape).astype(complex)
+    diagonal[..., tanks] += s[..., None] * slosh_damping(p, loop.damping)
+    return np.asarray(forward_transfer(loop.autopilot, s)[..., None] * y * diagonal * q[..., first:, 0])
 
 
 def excess_damping(loop: Loop) -> Array:
@@ -83,39 +95,54 @@ def excess_damping(loop: Loop) -> Array:
 
 def at_reference(loop: Loop, s: ComplexArray) -> tuple[ComplexArray, ...]:
     """Return K y_b, K Y_a, z_b and Z_a with every tank at the reference damping; the batch's damping plays no part."""
-    p, a = loop.plant, loop.autopilot
-    K = forward_transfer(a, s) * (np.asarray(a.attitude_gain) + np.asarray(a.rate_gain) * s)
+    p = loop.plant
     q = _two_coordinates(loop, s) if p.mass.shape[-1] == 2 and len(p.tanks) == 1 else _coordinates(loop, s)
-    Y = K[..., None] * sum(p.attitude[i] * q[..., i, :] for i in np.flatnonzero(p.attitude))
+    row = _sensed(loop, s)
+    y = sum(row[..., i, None] * q[..., i, :] for i in range(row.shape[-1]))
+    Y = forward_transfer(loop.autopilot, s)[..., None] * y
     return Y[..., 0], Y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
 
 
-def _reference_damping(loop: Loop) -> Array:
-    return np.asarray(2.0 * REFERENCE_DAMPING * loop.plant.tank_frequency * loop.plant.tank_mass)
+def _sensed(loop: Loop, s: ComplexArray) -> ComplexArray:
+    """Return the row of a0 phi + a1 phi' as measured, (..., n)."""
+    p, a = loop.plant, loop.autopilot
+    a0, a1 = np.asarray(a.attitude_gain)[..., None], np.asarray(a.rate_gain)[..., None]
+    return np.asarray(a0 * p.attitude + (a1 * s[..., None]) * p.rate)
+
+
+def _stiffness(loop: Loop, s: ComplexArray, ratio: Real) -> ComplexArray:
+    """Return the dynamic stiffness of the plant with slosh damping ratios, (..., n, n)."""
+    p, S = loop.plant, s[..., None, None]
+    D = np.asarray(S * S * p.mass + S * p.damping + p.stiffness, dtype=complex)
+    damping = slosh_damping(p, np.asarray(ratio))
+    shape = np.broadcast_shapes(D.shape[:-2], damping.shape[:-1])
+    D = np.broadcast_to(D, (*shape, *D.shape[-2:])).copy() if shape != D.shape[:-2] else D
+    diagonal = np.arange(D.shape[-1])[p.slosh]
+    D[..., diagonal, diagonal] = D[..., diagonal, diagonal] + s[..., None] * damping
+    return D
 
 
 def _coordinates(loop: Loop, s: ComplexArray) -> ComplexArray:
     """Return q for a unit engine angle and for unit accelerations on the slosh masses, (..., n, 1 + n_tanks)."""
-    p, S = loop.plant, s[..., None, None]
-    n, n_tanks = p.mass.shape[-1], len(p.tanks)
-    D = np.asarray(S * S * p.mass + S * p.damping + p.stiffness, dtype=complex)
-    diagonal = np.arange(n)[p.slosh]
-    D[..., diagonal, diagonal] = D[..., diagonal, diagonal] + s[..., None] * _reference_damping(loop)
+    p = loop.plant
+    n_tanks = len(p.tanks)
+    D = _stiffness(loop, s, REFERENCE_DAMPING)
     right = np.zeros((*D.shape[:-1], 1 + n_tanks), dtype=complex)
-    right[..., 0] = p.force
-    right[..., diagonal, np.arange(n_tanks) + 1] = p.tank_mass
+    right[..., 0] = p.engine_force(s)
+    right[..., np.arange(p.first_tank, p.first_tank + n_tanks), np.arange(n_tanks) + 1] = p.tank_mass
     return np.asarray(np.linalg.solve(D, right))
 
 
 def _two_coordinates(loop: Loop, s: ComplexArray) -> ComplexArray:
     """Return the same for one tank on a rigid vehicle, by Cramer's rule: ten times as fast on a long batch."""
     p, squared = loop.plant, s * s
-    damping = p.damping + np.diag([0.0, 1.0]) * _reference_damping(loop)[..., None]
+    damping = p.damping + np.diag([0.0, 1.0]) * slosh_damping(p, np.asarray(REFERENCE_DAMPING))[..., None]
     (d00, d01), (d10, d11) = (
         [squared * p.mass[..., i, j] + s * damping[..., i, j] + p.stiffness[..., i, j] for j in (0, 1)] for i in (0, 1)
     )
     inverse = 1.0 / (d00 * d11 - d01 * d10)
-    b0, b1, m = p.force[..., 0], p.force[..., 1], p.tank_mass[..., 0]
+    b0, b1 = (p.force[..., i] + squared * p.inertial_force[..., i] for i in (0, 1))
+    m = p.tank_mass[..., 0]
     q = np.empty((*inverse.shape, 2, 2), dtype=complex)
     q[..., 0, 0], q[..., 1, 0] = (d11 * b0 - d01 * b1) * inverse, (d00 * b1 - d10 * b0) * inverse
     q[..., 0, 1], q[..., 1, 1] = -d01 * (m * inverse), d00 * (m * inverse)

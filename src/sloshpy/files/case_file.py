@@ -14,15 +14,9 @@ from sloshpy.errors import InputError, Problem
 from sloshpy.files.places import Path, Place, Places, find_places
 from sloshpy.files.tables import as_written, read_damping_table
 from sloshpy.files.text_file import beside, read_text
-from sloshpy.files.wording import keys_at, nearest, problem_of, step_into, value_at, words_of
+from sloshpy.files.wording import OF_THE_VEHICLE, keys_at, nearest, problem_of, step_into, value_at, words_of
 
 Found = list[tuple[Path, Problem]]
-
-_LATER = {
-    "flexible_mode": "flexible modes",
-    "engine": "the inertia of the engine",
-    "aerodynamics": "aerodynamics",
-}
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:
@@ -99,16 +93,15 @@ def _unsupported(document: dict[str, Any], places: Places) -> Found:
     def refuse(path: Path, rule: str, cure: str) -> None:
         found.append((path, Problem(key=words_of(path, document), value=value_at(path, places), rule=rule, cure=cure)))
 
-    for key in [key for key in document if key in _LATER]:
-        refuse((key,), f"this version does not model {_LATER[key]}", "take it out to assess the rest without it")
-        del document[key]
     if "source" in document:
         refuse(("source",), "is an unknown key", nearest("source", keys_at((), {})))
         del document["source"]
     vehicle = document.get("vehicle")
-    if isinstance(vehicle, dict) and "tanks" in vehicle:
-        refuse(("vehicle", "tanks"), "is an unknown key", "write each tank under its own header [[tank]]")
-        del vehicle["tanks"]
+    for key, field in OF_THE_VEHICLE.items():
+        if isinstance(vehicle, dict) and field in vehicle:
+            header = f"[[{key}]]" if key != field else f"[{key}]"
+            refuse(("vehicle", field), "is an unknown key", f"write it under its own header {header}")
+            del vehicle[field]
     tanks = document.get("tank", [])
     for j, tank in enumerate(tanks if isinstance(tanks, list) else []):
         if isinstance(tank, dict) and "tank_file" in tank:
@@ -174,10 +167,10 @@ def _read_table(
 def _validate(document: dict[str, Any], places: Places) -> tuple[Case | None, Found]:
     """Return the case, or what pydantic says in our words."""
     nouns = dict(document)
-    tanks = nouns.pop("tank", None)
     vehicle = nouns.get("vehicle")
-    if tanks is not None:  # the tanks are read also where the rest of the vehicle cannot be
-        nouns["vehicle"] = (vehicle if isinstance(vehicle, dict) else {}) | {"tanks": tanks}
+    parts = {field: nouns.pop(key) for key, field in OF_THE_VEHICLE.items() if key in nouns}
+    if parts:  # they are read also where the rest of the vehicle cannot be
+        nouns["vehicle"] = (vehicle if isinstance(vehicle, dict) else {}) | parts
     try:
         return Case.model_validate(nouns, context={"file": True}), []
     except ValidationError as error:
@@ -247,7 +240,7 @@ def _given_key(path: Path, document: Any) -> str:
     node = document
     for step in path:
         node = step_into(node, step)
-        name = step_into(node, "name") if words == ["tank"] else None
+        name = step_into(node, "name") if words in (["tank"], ["flexible_mode"]) else None
         words.append(step if isinstance(step, str) else str(name or step + 1))
     return ".".join(words)
 

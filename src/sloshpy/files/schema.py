@@ -3,6 +3,7 @@
 from typing import Any
 
 from sloshpy.case import Case, Criteria
+from sloshpy.files.wording import OF_THE_VEHICLE
 from sloshpy.units import decibel
 
 Schema = dict[str, Any]
@@ -17,7 +18,9 @@ def case_schema() -> Schema:
     schema: Schema = _plain(raw, raw.pop("$defs"))
     keys = schema["properties"]
     keys.pop("source")
-    tanks = keys["vehicle"]["properties"].pop("tanks")
+    parts = {key: keys["vehicle"]["properties"].pop(field) for key, field in OF_THE_VEHICLE.items()}
+    tanks = parts.pop("tank")
+    keys |= parts
     keys["vehicle"]["required"] = ["mass", "inertia", "cg", "thrust"]
     keys["tank"] = tanks | {"minItems": 1}
     for key, default in _criteria_defaults().items():
@@ -25,7 +28,7 @@ def case_schema() -> Schema:
     laws = tanks["items"]["properties"]["damping"]["oneOf"]
     for law in [*laws, *_of_sum(laws)]:
         _as_in_a_file(law)
-    order = ["name", "vehicle", "tank", "autopilot", "criteria"]
+    order = ["name", "vehicle", "tank", *parts, "autopilot", "criteria"]
     return {
         "$schema": _DRAFT,
         "title": "slosh case",

@@ -14,7 +14,7 @@ from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamp
 from sloshpy.errors import Problem
 from sloshpy.files.places import Path, Places
 from sloshpy.units import Quantity, example
-from sloshpy.vehicle import SloshMass, Vehicle
+from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, ModeShape, ModeSlope, SloshMass, Vehicle
 from sloshpy.vehicle.slosh_mass import NAME
 
 LAWS: dict[str, type[BaseModel]] = {
@@ -32,16 +32,30 @@ _NOUNS: dict[Path, type[BaseModel]] = {
     ("autopilot", "filter"): Filter,
     ("autopilot", "actuator"): Actuator,
     ("criteria",): Criteria,
+    ("flexible_mode",): FlexibleMode,
+    ("flexible_mode", "gimbal"): ModeShape,
+    ("flexible_mode", "gyro"): ModeSlope,
+    ("flexible_mode", "rate_gyro"): ModeSlope,
+    ("engine",): Engine,
+    ("aerodynamics",): Aerodynamics,
 }
-_NOT_IN_A_FILE: dict[Path, set[str]] = {(): {"source"}, ("vehicle",): {"tanks"}}
-_IN_A_FILE_TOO: dict[Path, set[str]] = {(): {"tank"}}
+# tables of their own in a file that are fields of the vehicle
+OF_THE_VEHICLE = {
+    "tank": "tanks",
+    "flexible_mode": "flexible_modes",
+    "engine": "engine",
+    "aerodynamics": "aerodynamics",
+}
+_NOT_IN_A_FILE: dict[Path, set[str]] = {(): {"source"}, ("vehicle",): set(OF_THE_VEHICLE.values())}
+_IN_A_FILE_TOO: dict[Path, set[str]] = {(): set(OF_THE_VEHICLE)}
 _LARGEST_VALUE = 80  # characters of a value shown
 
 
 def file_path(location: Path) -> Path:
     """Return the path in the file of a place in the nouns: vehicle.tanks is [[tank]], names of laws are no keys."""
-    if location[:2] == ("vehicle", "tanks"):
-        location = ("tank", *location[2:])
+    own = [key for key, field in OF_THE_VEHICLE.items() if location[:2] == ("vehicle", field)]
+    if own:
+        location = (own[0], *location[2:])
     path: list[str | int] = []
     for step in location:
         below_a_law = path[-1:] == ["damping"] or (path[-2:-1] == ["of"] and isinstance(path[-1], int))
@@ -58,7 +72,7 @@ def words_of(path: Path, document: Any) -> str:
         node = step_into(node, step)
         if isinstance(step, str):
             words.append(step if re.fullmatch(r"[A-Za-z0-9_-]{1,64}", step) else json.dumps(step[:64]))
-        elif words == ["tank"] and _is_name(step_into(node, "name")):
+        elif words in (["tank"], ["flexible_mode"]) and _is_name(step_into(node, "name")):
             words.append(f'"{node["name"]}"')
         else:
             words.append(str(step + 1))
@@ -81,7 +95,8 @@ def noun_at(path: Path, document: Any) -> type[BaseModel] | None:
     if "damping" in path and path[0] == "tank":
         law = _at(document, path)
         return LAWS.get(law.get("law", "")) if isinstance(law, dict) and isinstance(law.get("law"), str) else None
-    return _NOUNS.get(tuple(step for step in path if isinstance(step, str)))
+    words = tuple(step for step in path if isinstance(step, str))
+    return ModeShape if words[:2] == ("flexible_mode", "tank") and len(words) == 3 else _NOUNS.get(words)
 
 
 def keys_at(path: Path, document: Any) -> list[str]:
@@ -139,7 +154,7 @@ def _rule_and_cure(kind: str, path: Path, document: Any, error: ErrorDetails) ->
             return "must be a table", 'write { law = "constant", ratio = 0.01 } or another law'
         return "must be a table", "its keys are " + ", ".join(keys_at(path, document))
     if kind in {"tuple_type", "list_type"}:
-        if path == ("tank",) or path == ("autopilot", "filter"):
+        if path in {("tank",), ("flexible_mode",), ("autopilot", "filter")}:
             return "must be an array of tables", f"write its header as [[{'.'.join(map(str, path))}]]"
         return "must be a list", "write it in [ ]"
     return error["msg"][:1].lower() + error["msg"][1:], "see the JSON schema of the case file"
@@ -163,6 +178,9 @@ def how_to_write(path: Path, document: Any) -> str:
         return 'add damping = { law = "constant", ratio = 0.01 } or another law'
     if noun is PowerDamping and key == "slope":
         return 'add slope = "0.1 1/m"'
+    if path[:1] == ("flexible_mode",) and key in {"gimbal", "gyro"}:
+        shape = 'deflection = 1.0, slope = "-0.08 1/m"' if key == "gimbal" else 'slope = "0.05 1/m"'
+        return f"add {key} = {{ {shape} }}"
     field = next((f for n, f in noun.model_fields.items() if (f.alias or n) == key), None) if noun else None
     quantity = next((m for m in field.metadata if isinstance(m, Quantity)), None) if field else None
     if quantity is None:

@@ -15,7 +15,7 @@ from sloshpy.damping import ConstantDamping, DampingLaw, PowerDamping, SumDampin
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.tables import as_written
 from sloshpy.units import Quantity, decibel, parse
-from sloshpy.vehicle import SloshMass, Vehicle
+from sloshpy.vehicle import FlexibleMode, SloshMass, Vehicle
 
 
 def write_case(case: Case, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -73,6 +73,14 @@ def case_text(case: Case) -> str:
     for tank in case.vehicle.tanks:
         lines += ["[[tank]]", f'name = "{tank.name}"', *_table("", tank, SloshMass)[:-1]]
         lines += [f"damping = {_law(tank.damping)}", ""]
+    for mode in case.vehicle.flexible_modes:
+        lines += ["[[flexible_mode]]", f'name = "{mode.name}"', *_table("", mode, FlexibleMode)[:-1]]
+        shapes = {"gimbal": mode.gimbal, "gyro": mode.gyro, "rate_gyro": mode.rate_gyro}
+        lines += [f"{key} = {_inline(shape)}" for key, shape in shapes.items() if shape is not None]
+        lines += [f'tank."{name}" = {_inline(shape)}' for name, shape in mode.tank.items()] + [""]
+    for key, part in (("engine", case.vehicle.engine), ("aerodynamics", case.vehicle.aerodynamics)):
+        if part is not None:
+            lines += _table(f"[{key}]", part, type(part))
     autopilot = case.autopilot
     lines += _table("[autopilot]", autopilot, Autopilot)
     if autopilot.actuator is not None:
@@ -93,6 +101,10 @@ def _table(header: str, noun: BaseModel, kind: type[BaseModel]) -> list[str]:
         if quantity is not None and value is not None:
             lines.append(f"{name} = {_number(value, quantity.unit, name)}")
     return [*lines, ""]
+
+
+def _inline(noun: BaseModel) -> str:
+    return "{ " + ", ".join(_table("", noun, type(noun))[:-1]) + " }"
 
 
 def _metadata(metadata: list[object], annotation: object) -> list[object]:

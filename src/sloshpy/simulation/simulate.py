@@ -15,7 +15,7 @@ from sloshpy.autopilot import Autopilot
 from sloshpy.autopilot.blocks import filter_block
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.plant import state_space
+from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.units import Array, Real
@@ -112,12 +112,11 @@ def simulate(
     if not duration > 0.0:
         raise ValueError(f"duration must be > 0 s, is {duration:g} s")
     loop = open_loop(case, damping)
-    n = loop.plant.mass.shape[-1]
     h, lag = _step(loop, step)
     steps = int(np.ceil(duration / h))
     model = _Model(loop, case, None if damping is None else loop.damping)
     x = np.zeros(model.size)
-    x[loop.plant.slosh] = initial_slosh
+    x[loop.plant.slosh_states] = initial_slosh
     states, engine = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
     line, slopes = np.zeros(steps + 1 + lag), np.zeros(steps + 1 + lag)  # the delay line: nothing before t = 0
     stopped = ""
@@ -148,9 +147,9 @@ def simulate(
     return TimeHistory(
         case=case,
         time=time,
-        slosh=states[:count, loop.plant.slosh],
+        slosh=states[:count, loop.plant.slosh_states],
         tvc=engine[:count],
-        attitude=states[:count, :n] @ loop.plant.attitude,
+        attitude=states[:count] @ model.attitude,
         step=h,
         stopped=stopped,
     )
@@ -161,9 +160,10 @@ class _Model:
 
     def __init__(self, loop: Loop, case: Case, fixed: Array | None) -> None:
         A, self._b, C = state_space(loop.plant, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
+        self._b2 = inertial_input(loop.plant)
         pilot: Autopilot = case.autopilot
         n = self._plant = A.shape[0]
-        half = n // 2
+        half = n - loop.plant.mass.shape[-1]  # where the velocities start
         gain = float(pilot.gain)
         sensed = gain * (float(pilot.attitude_gain) * C[0] + float(pilot.rate_gain) * C[1])
         blocks = [filter_block(f) for f in pilot.filter]
@@ -172,6 +172,7 @@ class _Model:
         self.size = n + k + 2 * (pilot.actuator is not None)
         self._A = np.zeros((self.size, self.size))
         self._A[:n, :n] = A
+        self.attitude = np.append(C[0], np.zeros(self.size - n))  # row of the measured attitude
         self._read = np.zeros(self.size)  # the command, before the delay
         self._read[:n] = sensed
         at = n
@@ -186,7 +187,7 @@ class _Model:
         if fixed is None:
             inverse = np.linalg.inv(loop.plant.mass)
             for j, tank in enumerate(case.vehicle.tanks):
-                i = loop.plant.first_tank + j
+                i = loop.plant.first_tank + j  # a coordinate
                 push = np.zeros(self.size)
                 push[half:n] = inverse[:, i] * float(tank.slosh_mass)
                 self._forces.append((half + i, push, tank.damping.acceleration, float(tank.frequency)))
@@ -213,6 +214,7 @@ class _Model:
         if self._actuator is not None:
             beta = float(x[-2])
             slope[-2:] = self._actuate(beta, float(x[-1]), command)
+            slope[: self._plant] += self._b2 * slope[-1]
         slope[: self._plant] += self._b * beta
         for i, push, acceleration, w in self._forces:
             slope += push * acceleration(x[i], w)  # type: ignore[operator]

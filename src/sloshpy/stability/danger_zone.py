@@ -178,13 +178,13 @@ def required_damping_map(case: Case, tank: int = 0, station: Array | None = None
 def departure(loop: Loop, tank: int) -> Array:
     """Return the real part of ds/dk at k = 0 for the undamped slosh pole of a tank, 1/s, k an extra loop gain.
 
-    s = p + k K(p) (a0 + a1 p) r with r the residue of phi/beta at the pole p of the plant:
-    r = (attitude . v)(u . b) / (u . D'(p) v), where D(p) v = 0 and u D(p) = 0. The delay in K is exact.
+    s = p + k K(p) r with r the residue of a0 phi + a1 phi' over beta at the pole p of the plant:
+    r = (row(p) . v)(u . b(p)) / (u . D'(p) v), where D(p) v = 0 and u D(p) = 0. The delay in K is exact.
     """
     p = loop.plant
     j = p.first_tank + tank
     bare = replace(loop, damping=np.where(np.arange(len(p.tanks)) == tank, 0.0, loop.damping))
-    a0, a1 = np.asarray(loop.autopilot.attitude_gain), np.asarray(loop.autopilot.rate_gain)
+    a0, a1 = np.asarray(loop.autopilot.attitude_gain)[..., None], np.asarray(loop.autopilot.rate_gain)[..., None]
     poles = np.linalg.eigvals(state_space(bare.plant, bare.damping)[0])
     greatest, rate = np.full(poles.shape[:-1], -np.inf), np.full(poles.shape[:-1], np.nan)
     for k in range(poles.shape[-1]):
@@ -196,8 +196,8 @@ def departure(loop: Loop, tank: int) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):  # the rigid body's double pole at the origin
             weight = np.einsum("...i,...ij,...j->...", u, dD, v)
             share = np.abs(u[..., j] * dD[..., j, j] * v[..., j] / weight)
-            residue = np.sum(p.attitude * v, axis=-1) * np.sum(u * p.force, axis=-1) / weight
-            moved = forward_transfer(loop.autopilot, s) * (a0 + a1 * s) * residue
+            seen = np.sum((a0 * p.attitude + (a1 * s[..., None]) * p.rate) * v, axis=-1)
+            moved = forward_transfer(loop.autopilot, s) * seen * np.sum(u * p.engine_force(s), axis=-1) / weight
         better = (s.imag > 0.0) & (share > greatest)  # the pole in which this tank takes part most
         greatest = np.where(better, share, greatest)
         rate = np.where(better, moved.real, rate)

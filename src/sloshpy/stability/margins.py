@@ -8,7 +8,7 @@ import numpy as np
 from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth, unstable_count
-from sloshpy.dynamics.response import tank_sensitivity, transfer
+from sloshpy.dynamics.response import frequency_sensitivity, transfer
 from sloshpy.stability.nichols import nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, BoolArray, IntArray, Real
 
@@ -43,7 +43,7 @@ class Margins:
     minima: every local minimum of eq 24, least first. gain_crossings: where |L| = 1, value = phase margin in rad
     (positive: more lag is needed). phase_crossings: odd multiples of 180 deg, value = gain margin as the ratio 1/|L|,
     within 40 dB.
-    groups: names of the shares' last axis, the tanks' slosh first, then the rigid body and its controller.
+    groups: names of the shares' last axis: slosh of each tank, bending modes, the rigid body with its controller.
     source, criteria: what they were made from.
     """
 
@@ -186,7 +186,7 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     batch = loop.batch
     growth = greatest_growth(loop)
     stable = growth < 0.0
-    groups = (*(f"{tank} slosh" for tank in loop.plant.tanks), RIGID)
+    groups = (*loop.plant.groups[loop.plant.first_tank :], RIGID)
     (g_index, g_omega), (p_index, p_omega) = roots
     m_omega = np.asarray(found.x)
     heard = np.abs(np.log(np.abs(transfer(loop.take(p_index), 1j * p_omega).loop))) < AUDIBLE
@@ -213,19 +213,19 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
 
 
 def _shares(loop: Loop, index: IntArray, omega: Array) -> Array:
-    """Return how the neutral frequency at each point follows each tank's frequency, and the remainder, (K, n+1).
+    """Return how the neutral frequency at each point follows each mode's own frequency, and the remainder, (K, n+1).
 
     Degrade the loop by a constant k so that k L(jw) = -1: its neutral frequency moves with w_j by
     d ln w / d ln w_j = -(dL/d ln w_j) / (dL/d ln s). Scaling every frequency and rate scales w, so the shares sum to 1
     with the rigid body's and its controller's as the remainder.
     """
     one, s = loop.take(index), 1j * omega
-    sensitivity = tank_sensitivity(one, s)
+    sensitivity = frequency_sensitivity(one, s)
     h = 1e-7  # relative; far inside any resonance of 1e-5 damping, and 1e-9 of rounding
     slope = (transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h)
     with np.errstate(divide="ignore", invalid="ignore"):
-        tanks = (-sensitivity / slope[..., None]).real
-    return np.concatenate([tanks, 1.0 - np.sum(tanks, axis=-1, keepdims=True)], axis=-1)
+        modes = (-sensitivity / slope[..., None]).real
+    return np.concatenate([modes, 1.0 - np.sum(modes, axis=-1, keepdims=True)], axis=-1)
 
 
 def _padded(

@@ -198,13 +198,16 @@ def _zeros(loop: Loop) -> ComplexArray:
     A, b, C = state_space(loop.plant, loop.damping)
     a0, a1 = np.asarray(loop.autopilot.attitude_gain)[..., None], np.asarray(loop.autopilot.rate_gain)[..., None]
     batch = loop.batch
-    with_rate = a1 != 0.0
-    c = np.where(
-        with_rate, a0 * C[0] + a1 * C[1], (C[0] * a0) @ A if A.ndim == 2 else np.einsum("j,...jk->...k", C[0], A)
+    attitude = np.einsum("...j,...jk->...k", C[..., 0, :], A)
+    c = np.broadcast_to(
+        np.where(a1 != 0.0, a0 * C[..., 0, :] + a1 * C[..., 1, :], a0 * attitude), (*batch, A.shape[-1])
     )
-    c = np.broadcast_to(c, (*batch, A.shape[-1]))
-    cA = np.einsum("...j,...jk->...k", c, A)
-    return np.linalg.eigvals(A - b[..., :, None] * cA[..., None, :] / np.sum(c * b, axis=-1)[..., None, None])
+    cA, cb = np.einsum("...j,...jk->...k", c, A), np.sum(c * b, axis=-1)[..., None, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moved = A - b[..., :, None] * cA[..., None, :] / cb
+    return np.linalg.eigvals(np.where(np.isfinite(moved), moved, 0.0)).astype(
+        complex
+    )  # no zero is placed where c b vanishes
 
 
 def loop_zeros(loop: Loop) -> ComplexArray:

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from sloshpy.units import Array, Quantity, Real, refusal
+from sloshpy.vehicle.flexible_mode import Aerodynamics, Engine, FlexibleMode
 from sloshpy.vehicle.slosh_mass import SloshMass
 
 
@@ -35,6 +36,9 @@ class Vehicle(BaseModel):
     )
     drag: Annotated[Real, Quantity("N", "D", "drag", least=0.0)] = 0.0
     tanks: tuple[SloshMass, ...] = Field(default=(), description="slosh masses, one for each tank")
+    flexible_modes: tuple[FlexibleMode, ...] = Field(default=(), description="bending modes")
+    engine: Engine | None = None
+    aerodynamics: Aerodynamics | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -49,6 +53,20 @@ class Vehicle(BaseModel):
                     ("tanks", j, "name"), f"is the name of tank {seen[tank.name.casefold()] + 1} too", "rename one"
                 )
             seen[tank.name.casefold()] = j
+        for i, mode in enumerate(self.flexible_modes):
+            names = [t.name for t in self.tanks]
+            for name in names:
+                if name not in mode.tank:
+                    raise refusal(
+                        ("flexible_modes", i, "tank"),
+                        f'has no shape at tank "{name}"',
+                        f"give tank.{name} its deflection and slope",
+                    )
+            for name in mode.tank:
+                if name not in names:
+                    raise refusal(
+                        ("flexible_modes", i, "tank", name), "is no tank of the case", f"one of {', '.join(names)}"
+                    )
         share = 1.0 - self.mass_matrix_margin
         if not np.all(share < 1.0):  # so that an overflow to nan is refused too
             heaviest = int(np.argmax([np.max(tank.slosh_mass) for tank in self.tanks]))
@@ -72,14 +90,28 @@ class Vehicle(BaseModel):
     def mass_matrix_margin(self) -> Array:
         """Smallest eigenvalue of the scaled slosh mass matrix, shape of the batch: 1 - m/M - m l^2/I for one tank.
 
-        The slosh block left by eliminating Z and phi is 1 - a a' - b b' with a = sqrt(m/M), b = l sqrt(m/I); its least
-        eigenvalue is one minus the greatest of the 2 x 2 Gram matrix of a and b. It must be positive.
+        The slosh block left by eliminating Z, phi and the bending modes is 1 - V V' with the columns sqrt(m/M),
+        l sqrt(m/I) and Y_i sqrt(m/M_i); its least eigenvalue is one minus the greatest of the small Gram matrix V' V.
+        It must be positive.
         """
-        M, I = np.asarray(self.mass), np.asarray(self.inertia)  # an overflow is inf, not an exception
-        aa, bb, ab = np.zeros(()), np.zeros(()), np.zeros(())
-        for tank in self.tanks:
-            m, l = np.asarray(tank.slosh_mass), np.asarray(self.lever(tank))
-            with np.errstate(over="ignore", invalid="ignore", under="ignore", divide="ignore"):
-                aa, bb, ab = aa + m / M, bb + m * l**2 / I, ab + m * l / np.sqrt(M * I)
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            return np.asarray(1.0 - 0.5 * (aa + bb) - np.sqrt(0.25 * (aa - bb) ** 2 + ab**2))
+        if not self.tanks:
+            return np.asarray(1.0)
+        with np.errstate(all="ignore"):  # an overflow is inf or nan, and that is refused
+            m = [np.asarray(tank.slosh_mass) for tank in self.tanks]
+            columns = [[np.sqrt(m_j / np.asarray(self.mass)) for m_j in m]]
+            columns += [
+                [self.lever(t) * np.sqrt(m_j / np.asarray(self.inertia)) for t, m_j in zip(self.tanks, m, strict=True)]
+            ]
+            columns += [
+                [
+                    f.tank[t.name].deflection * np.sqrt(m_j / np.asarray(f.generalized_mass))
+                    for t, m_j in zip(self.tanks, m, strict=True)
+                ]
+                for f in self.flexible_modes
+            ]
+            flat = np.broadcast_arrays(*(entry for column in columns for entry in column))
+            V = np.stack(flat, axis=-1).reshape(*flat[0].shape, len(columns), len(m))
+            gram = V @ np.swapaxes(V, -1, -2)
+        finite = np.all(np.isfinite(gram), axis=(-1, -2))
+        greatest = np.linalg.eigvalsh(np.where(finite[..., None, None], gram, np.eye(len(columns))))[..., -1]
+        return np.asarray(np.where(finite, 1.0 - greatest, -np.inf))
