@@ -86,9 +86,14 @@ def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arra
     Y_b, Y_a, z_b, Z_a = at_reference(line, s)  # the damping plays no part in these
     size, F = int(np.prod(batch)), len(omega)
     d = np.broadcast_to(excess_damping(loop)[..., 0], batch).reshape(-1)
+    d = np.stack([np.ones_like(d), d], axis=-1)
     V, W, power = s * Z_a[..., 0, 0], s * Y_a[..., 0] * z_b[..., 0], np.abs(z_b[..., 0]) ** 2
-    numbers = [part for x in (V, W, np.conj(V) * W, Y_b) for part in (x.real, x.imag)]
-    parts = [np.broadcast_to(x, (*batch, F)) for x in (*numbers, power)]
+    lines = [(np.ones_like(V), V), (W, np.conj(V) * W)]  # constant and slope in d of 1 + d V and W + d V* W
+    pairs: list[tuple[Array, Array]] = [
+        (np.asarray(part(a), float), np.asarray(part(b), float)) for part in (np.real, np.imag) for a, b in lines
+    ]
+    pairs += [(Y_b.real, Y_b.imag), (power, power)]
+    parts = [[np.broadcast_to(x, (*batch, F)) for x in pair] for pair in pairs]
     squared, where, gain = np.empty(size), np.empty(size, dtype=int), np.empty(size)
     some = max(1, BLOCK // F)
     scratch = np.empty((4, some, F))
@@ -96,15 +101,13 @@ def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arra
     outer, inner = int(np.prod(batch[:-1])), batch[-1]
     for i in range(outer):
         at = np.unravel_index(i, batch[:-1])
-        rows_of = [x[at] for x in parts]
-        shared = rows_of[0].strides[0] == 0  # one vehicle along the last axis, which is then a damping axis
-        if shared:
-            rows_of = [np.ascontiguousarray(x[:1]) for x in rows_of]
+        shared = parts[0][1][at].strides[0] == 0  # one vehicle along the last axis, which is then a damping axis
+        rows_of = [np.stack([x[at][0] if shared else x[at] for x in pair], axis=-2) for pair in parts]
         for k in range(0, inner, some):
             rows = slice(k, min(k + some, inner))
             here = rows_of if shared else [x[rows] for x in rows_of]
             flat = slice(i * inner + k, i * inner + rows.stop)
-            distance, slosh = _distance(d[flat, None], here, weight, scratch[:, : rows.stop - k])
+            distance, slosh = _distance(d[flat], here, weight, scratch[:, : rows.stop - k])
             least = np.argmin(distance, axis=-1)
             where[flat], squared[flat] = least, distance[np.arange(len(least)), least]
             gain[flat] = np.max(slosh, axis=-1)
@@ -112,27 +115,33 @@ def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arra
     return squared.reshape(batch), where.reshape(batch), gain.reshape(batch)
 
 
+def _line(d: Array, pair: Array, out: Array) -> Array:
+    """Return constant + d slope in `out`; `pair` holds both in rows, one pair for all (1, d) or one for each."""
+    if pair.ndim == 2:
+        return np.matmul(d, pair, out=out)
+    np.multiply(d[:, 1:], pair[:, 1], out=out)
+    out += pair[:, 0]
+    return out
+
+
 def _distance(d: Array, here: list[Array], weight: float, scratch: Array) -> tuple[Array, Array]:
     """Return (PM_d times eq 24) squared and the squared slosh gain, in two of the scratch arrays."""
-    V_re, V_im, W_re, W_im, VW_re, VW_im, Y_re, Y_im, power = here
+    V_re, W_re, V_im, W_im, Y, power = here
     r, x, y, t = scratch
-    np.multiply(d, V_re, out=x)
-    x += 1.0
-    np.multiply(d, V_im, out=y)
+    _line(d, V_re, x)
+    _line(d, V_im, y)
     np.multiply(x, x, out=r)
     np.multiply(y, y, out=t)
     r += t
     np.divide(1.0, r, out=r)  # 1/|1 + d V|^2
-    np.multiply(r, d, out=t)
-    r *= power
-    np.multiply(d, VW_re, out=x)
-    x += W_re
+    np.multiply(r, d[:, 1:], out=t)
+    r *= power[..., 0, :]
+    _line(d, W_re, x)
     x *= t
-    np.subtract(Y_re, x, out=x)
-    np.multiply(d, VW_im, out=y)
-    y += W_im
+    np.subtract(Y[..., 0, :], x, out=x)
+    _line(d, W_im, y)
     y *= t
-    np.subtract(Y_im, y, out=y)  # x + j y = -L
+    np.subtract(Y[..., 1, :], y, out=y)  # x + j y = -L
     np.arctan2(y, x, out=t)
     x *= x
     y *= y
