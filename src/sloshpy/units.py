@@ -169,7 +169,10 @@ def _convert(value: float, name: str, unit: str) -> float:
     if unit != "rad/s" and cyclic != 0:
         raise UnitError("is a frequency", f"write {example(unit)}")
     factor = 2.0 * math.pi if cyclic else 1.0  # pint takes 1 Hz for 1 rad/s
-    return float(registry.Quantity(value, written).to(wanted).magnitude) * factor
+    converted = float(registry.Quantity(value, written).to(wanted).magnitude) * factor
+    if not math.isfinite(converted):
+        raise UnitError(f"must be finite in {unit}", f"write {example(unit)}")
+    return converted
 
 
 def _kind(units: Any) -> str:
@@ -301,6 +304,8 @@ class Quantity:
 
     def _one(self, value: Any, from_file: bool) -> float:
         if isinstance(value, str):
+            if from_file and self.unit == "1" and _NUMBER.fullmatch(value.strip()):
+                raise refusal((), "is a text", f"write the number without quotation marks, as in {value.strip()}")
             try:
                 return parse(value, self.unit)
             except UnitError as error:
@@ -321,7 +326,8 @@ class Quantity:
         bad |= self.below is not None and not np.all(value < self.below)
         bad |= self.most is not None and not np.all(value <= self.most)
         if bad:
-            raise refusal((), self.rule, self.hint or f"write {example(self.unit)} or the like")
+            sign = np.any(np.asarray(value) < 0.0) and max(self.above or 0.0, self.least or 0.0) >= 0.0
+            raise refusal((), self.rule, self.hint or ("drop the sign" if sign else "give a value in this range"))
 
 
 def refusal(key: tuple[str | int, ...], rule: str, cure: str) -> PydanticCustomError:

@@ -56,9 +56,7 @@ class Autopilot(BaseModel):
 
     attitude_gain: Annotated[Real, Quantity("1", "a_0", "attitude gain, rad/rad", least=0.0)]
     rate_gain: Annotated[Real, Quantity("s", "a_1", "attitude-rate gain, rad/(rad/s)", least=0.0)]
-    gain: Annotated[
-        Real, Quantity("dB", "", "extra loop gain (an amplitude ratio in Python, dB in a file)", above=0.0)
-    ] = 1.0
+    gain: Annotated[Real, Quantity("dB", "", "extra loop gain", above=1e-5, below=1e5)] = 1.0
     delay: Annotated[Real, Quantity("s", "tau", "pure delay in the loop", least=0.0, most=5.0)] = 0.0
     actuator: Actuator | None = None
     filter: tuple[Filter, ...] = ()
@@ -70,5 +68,9 @@ class Autopilot(BaseModel):
         return self
 
     def degraded(self, gain: float = 1.0, delay: float = 0.0) -> "Autopilot":
-        """Return the autopilot with an extra loop gain (amplitude ratio) and an extra delay in s."""
+        """Return the autopilot with an extra loop gain (amplitude ratio, > 0) and an extra delay in s."""
+        if not np.all(np.asarray(gain) > 0.0) or np.any(np.asarray(self.delay) + delay < 0.0):
+            raise ValueError(
+                "a degradation needs a gain ratio > 0 and leaves a delay >= 0 s; no delay is a phase advance"
+            )
         return self.model_copy(update={"gain": self.gain * gain, "delay": self.delay + delay})

@@ -133,7 +133,7 @@ class TableDamping(_Law):
 
     law: Literal["table"] = "table"
     tested_amplitude: Annotated[
-        Array, Quantity("m", "A", "slosh-mass displacement amplitudes, increasing", least=0.0, sequence=True)
+        Array, Quantity("m", "A", "slosh-mass displacement amplitudes, increasing", least=0.0, most=1e3, sequence=True)
     ] = Field(alias="amplitude")
     tested_ratio: Annotated[
         Array, Quantity("1", "xi", "damping ratios", least=0.0, most=MOST_DAMPING, sequence=True, hint=_HINT)

@@ -112,6 +112,8 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
             raise ValueError("slosh damping ratios must be finite and >= 0")
     else:
         A = _per_tank(amplitude if amplitude is not None else 0.0, n)
+        if not np.all(np.isfinite(A)) or np.any(A < 0.0):
+            raise ValueError("slosh amplitudes must be finite and >= 0 m")
         xi = np.stack([law.ratio(A[..., j]) for j, law in enumerate(laws)], axis=-1) if n else A
         unknown = [t.name for j, t in enumerate(case.vehicle.tanks) if np.any(np.isnan(xi[..., j]))]
         if unknown:
@@ -119,6 +121,20 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
     return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
 
 
+def single(case: Case, verb: str) -> None:
+    """Refuse a batch where a verb takes one vehicle."""
+    shape = open_loop(case).batch
+    if shape:
+        raise ValueError(f"{verb} takes one case, this is a batch of shape {shape}: call it for each")
+
+
 def _per_tank(value: Real, n: int) -> Array:
     array = np.asarray(value, dtype=float)
-    return np.full(n, array) if array.ndim == 0 else array
+    if array.ndim == 0:
+        return np.full(n, array)
+    if array.shape[-1] != n:
+        raise ValueError(
+            f"the last axis holds one value for each of the {n} tanks, this has shape {array.shape}; "
+            "a damping axis of one tank is written damping[:, None]"
+        )
+    return array

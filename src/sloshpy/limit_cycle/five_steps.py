@@ -11,17 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.dynamics.response import transfer
 from sloshpy.stability.margins import loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
-from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping
+from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping
 from sloshpy.units import Array
 
 if TYPE_CHECKING:
     import xarray as xr
 
 VALID_SHARE_OF_RADIUS = 0.15  # the mechanical analogue holds to 10-15 % of the tank radius
+NO_MODEL_SHARE_OF_RADIUS = 0.5  # at half the radius the wave at the wall is as high as the tank is wide
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,19 +65,28 @@ class LimitCycle:
         """The gain degradation in dB."""
         return float(20.0 * np.log10(self.gain))
 
+    @property
+    def _held(self) -> str:
+        others = [
+            f"{t.name} at {100 * xi:.3g} %"
+            for t, xi in zip(self.case.vehicle.tanks, self.required.source.damping, strict=True)
+            if t.name != self.tank
+        ]
+        return f" (with {', '.join(others)})" if others else ""
+
     def __str__(self) -> str:
-        if self.acceptable is None or not np.isfinite(self.omega):
+        if not np.all(np.isfinite(self.tvc_amplitude)):
             return f"{self.tank}: " + "; ".join(self.reasons)
         low, high = np.degrees(self.tvc_amplitude)
         bands = ", ".join(f"{a:.4f}-{b:.4f}" for a, b in self.band / (2.0 * np.pi))
-        verdict = "acceptable" if self.acceptable else "NOT acceptable"
+        verdict = {None: "not supported", True: "acceptable", False: "NOT acceptable"}[self.acceptable]
         lines = [
             f"{self.tank}: {verdict}; engine {1e3 * self.tvc_amplitude[0]:.3f}-{1e3 * self.tvc_amplitude[1]:.3f} mrad "
             f"({low:.3f}-{high:.3f} deg), limit {np.degrees(self.tvc_limit):.3f} deg",
             f"  slosh {self.slosh_amplitude:.4f} m at {self.omega / 2 / np.pi:.4f} Hz, band {bands} Hz",
             f"  paper's convention: slosh {self.paper_slosh_amplitude:.4f} m, engine "
             f"{1e3 * self.paper_tvc_amplitude[0]:.3f}-{1e3 * self.paper_tvc_amplitude[1]:.3f} mrad",
-            f"  required damping {100 * float(self.required.required):.4f} %; neutral after "
+            f"  required damping {100 * float(self.required.required):.4f} %{self._held}; neutral after "
             f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms",
         ]
         return "\n".join(lines + [f"  {reason}" for reason in self.reasons])
@@ -100,63 +111,50 @@ class LimitCycle:
         )
 
 
-def predict_limit_cycle(case: Case, tank: int = 0) -> LimitCycle:
+def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) -> LimitCycle:
     """Return the limit cycle of a tank under degraded margins, by the paper's five steps (sec C.3).
 
-    The other tanks keep their small-amplitude damping. The criteria of the case hold the thresholds of steps 1 to 3.
+    The criteria of the case hold the thresholds of steps 1 to 3.
+
+    Args:
+        case: one vehicle and autopilot.
+        tank: number of the tank.
+        others: damping ratios at which the other tanks are held, (n_tanks,); default: where all tanks together meet
+            the disc margin, see `joint_damping`.
     """
-    loop, criteria = open_loop(case), case.criteria
-    required = loop_required_damping(loop, criteria, tank, criteria.disc_margin)
+    single(case, "predict_limit_cycle")
+    criteria = case.criteria
+    loop = open_loop(case, joint_damping(case) if others is None else others)
+    required = loop_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
     xi = float(required.required)
     mass = case.vehicle.tanks[tank]
     if np.isnan(xi):
-        return _without(case, tank, required, False, "no damping of this tank up to critical meets the disc margin")
+        return _without(case, tank, required, False, _why_none(case, loop, tank))
     if xi == 0.0:
         return _without(case, tank, required, True, "no slosh damping is needed: no limit cycle inside the disc margin")
-    amplitude = float(mass.damping.amplitude(xi))  # step 2, at the slosh frequency
+    amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     if np.isinf(amplitude):
-        return _without(
-            case,
-            tank,
-            required,
-            False,
-            f"the damping never reaches the required {100 * xi:.4g} %: nothing bounds the growth",
-        )
+        short = f"its damping stays below the required {100 * xi:.4g} % at every amplitude"
+        return _without(case, tank, required, False, short)
     if amplitude == 0.0:
-        return _without(
-            case, tank, required, True, f"the damping at every amplitude is at least the required {100 * xi:.4g} %"
-        )
+        enough = f"its damping is at least the required {100 * xi:.4g} % at every amplitude"
+        return _without(case, tank, required, True, enough)
     damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
     threshold = replace(loop, damping=damping)
     band = _band(case, threshold, tank)  # step 3
+    if not band.size:
+        why = f"its {100 * xi:.4g} % is set by the stability of another mode: it has no band of its own to cycle in"
+        return _without(case, tank, required, None, why)
     omega = float(required.omega)
     w = float(mass.frequency)
     samples = np.concatenate([np.linspace(a, b, 201) for a, b in band])
     gain = np.abs(transfer(threshold.along(), 1j * samples).slosh[..., tank])
     paper_tvc, tvc = amplitude / gain, amplitude * w / samples / gain  # step 4
-    L = complex(transfer(threshold, np.array(1j * omega)).loop)
-    reasons: list[str] = []
-    acceptable: bool | None = bool(np.max(tvc) <= criteria.tvc_amplitude)  # step 5
-    if np.isnan(amplitude):
-        largest = mass.damping.largest_amplitude
-        acceptable = None
-        reasons.append(
-            f"outside the damping data: {100 * xi:.4g} % is required, the data end at "
-            f"{100 * float(mass.damping.ratio(largest)):.4g} % at {largest:g} m"
-        )
-    elif amplitude <= mass.damping.smallest_amplitude:
-        reasons.append(
-            f"amplitude is an upper bound: the damping data start at {amplitude:g} m and suffice there already"
-        )
-    reasons += _limits(case, float(np.max(samples)), float(np.max(tvc)))
-    if reasons and "actuator" in reasons[-1]:
-        acceptable = None
+    extremes = _extremes(threshold, tank, samples, tvc, amplitude * w, 1)
     consistent = amplitude * w / omega
-    if mass.radius is not None and consistent > VALID_SHARE_OF_RADIUS * float(mass.radius):
-        reasons.append(
-            f"caution: slosh amplitude {consistent:.3f} m is {100 * consistent / float(mass.radius):.0f} % of the tank "
-            "radius; the spring-mass model is less valid beyond 10-15 %"
-        )
+    unsupported = _unsupported(case, tank, xi, consistent, float(np.max(samples)), float(extremes[1]))
+    acceptable: bool | None = bool(extremes[1] <= criteria.tvc_amplitude)  # step 5
+    L = complex(transfer(threshold, np.array(1j * omega)).loop)
     return LimitCycle(
         case=case,
         tank=mass.name,
@@ -165,20 +163,74 @@ def predict_limit_cycle(case: Case, tank: int = 0) -> LimitCycle:
         omega=omega,
         slosh_amplitude=consistent,
         paper_slosh_amplitude=amplitude,
-        tvc_amplitude=_extremes(threshold, tank, samples, tvc, amplitude * w, 1),
+        tvc_amplitude=extremes,
         paper_tvc_amplitude=_extremes(threshold, tank, samples, paper_tvc, amplitude, 0),
         gain=1.0 / abs(L),
         delay=float(np.angle(-L)) / omega,
         tvc_limit=criteria.tvc_amplitude,
-        acceptable=acceptable,
-        reasons=tuple(reasons),
+        acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
+        reasons=tuple(unsupported + _cautions(case, tank, amplitude, consistent)),
         band_omega=samples,
         band_tvc=tvc,
         paper_band_tvc=paper_tvc,
     )
 
 
-def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool, reason: str) -> LimitCycle:
+def _why_none(case: Case, loop: Loop, tank: int) -> str:
+    """Return what keeps the loop from its disc margin however much a tank is damped."""
+    damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, 1.0, loop.damping)
+    damped = replace(loop, damping=damping)
+    poles = closed_loop_poles(damped)
+    unstable = [name for name, p in zip(poles.name, poles.value, strict=True) if not p.real < 0.0]
+    if unstable:
+        return f"no damping of this tank makes the loop stable: {', '.join(unstable)} stays unstable"
+    return f"no damping of this tank up to critical gives it a disc margin of {case.criteria.disc_margin:g}"
+
+
+def _unsupported(case: Case, tank: int, xi: float, amplitude: float, omega: float, tvc: float) -> list[str]:
+    """Return why the model supports no number here."""
+    mass = case.vehicle.tanks[tank]
+    if np.isnan(amplitude):
+        last = mass.damping.largest_amplitude
+        ends = f"the data end at {100 * float(mass.damping.ratio(last)):.4g} % at {last:g} m"
+        return [f"outside the damping data: {100 * xi:.4g} % is required, {ends}"]
+    reasons = []
+    if mass.radius is not None and amplitude > NO_MODEL_SHARE_OF_RADIUS * float(mass.radius):
+        share = 100 * amplitude / float(mass.radius)
+        reasons.append(f"slosh of {amplitude:.3f} m is {share:.0f} % of the tank radius: no spring-mass describes that")
+    actuator, degrees = case.autopilot.actuator, np.degrees(tvc)
+    if actuator is not None and actuator.deflection_limit is not None and tvc > actuator.deflection_limit:
+        limit = np.degrees(actuator.deflection_limit)
+        reasons.append(
+            f"an engine amplitude of {degrees:.3g} deg is beyond the actuator's {limit:.3g} deg: simulate it"
+        )
+    if actuator is not None and actuator.rate_limit is not None and omega * tvc > actuator.rate_limit:
+        limit = np.degrees(actuator.rate_limit)
+        rate = omega * degrees
+        reasons.append(f"an engine rate of {rate:.3g} deg/s is beyond the actuator's {limit:.3g} deg/s: simulate it")
+    return reasons
+
+
+def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> list[str]:
+    """Return what a reader of the amplitude must know; `amplitude` is the law's own."""
+    mass = case.vehicle.tanks[tank]
+    cautions = []
+    if amplitude <= mass.damping.smallest_amplitude:
+        cautions.append(f"caution: an upper bound, since the damping data start at {amplitude:g} m and suffice there")
+    if mass.radius is None and np.isfinite(consistent):
+        cautions.append(
+            "not checked: slosh amplitude against the tank radius, of which 10-15 % is valid (none is given)"
+        )
+    elif mass.radius is not None and consistent > VALID_SHARE_OF_RADIUS * float(mass.radius):
+        share = 100 * consistent / float(mass.radius)
+        cautions.append(
+            f"caution: slosh of {consistent:.3f} m is {share:.0f} % of the tank radius; the spring-mass model is less "
+            "valid beyond 10-15 %"
+        )
+    return cautions
+
+
+def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool | None, reason: str) -> LimitCycle:
     """Return the answer where there is no limit cycle to compute, with its reason."""
     nothing = np.full(2, np.nan)
     return LimitCycle(
@@ -245,15 +297,3 @@ def _extremes(loop: Loop, tank: int, omega: Array, tvc: Array, numerator: float,
         else:
             result.append(float(tvc[k]))
     return np.array(result)
-
-
-def _limits(case: Case, omega: float, tvc: float) -> list[str]:
-    """Return why a linear engine amplitude is not supported: the actuator's own limits."""
-    actuator = case.autopilot.actuator
-    if actuator is None:
-        return []
-    if actuator.deflection_limit is not None and tvc > actuator.deflection_limit:
-        return [f"the engine amplitude {tvc:.4g} rad exceeds the actuator's deflection limit: simulate instead"]
-    if actuator.rate_limit is not None and omega * tvc > actuator.rate_limit:
-        return [f"the engine rate {omega * tvc:.4g} rad/s exceeds the actuator's rate limit: simulate instead"]
-    return []

@@ -12,7 +12,7 @@ import numpy as np
 
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.poles import characteristic_matrix, closed_loop_poles, polish
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
@@ -97,6 +97,7 @@ def growth_curve(case: Case, tank: int = 0, amplitude: Array | None = None) -> G
         tank: number of the tank whose mode and amplitude are meant.
         amplitude: amplitudes in m, increasing, > 0; default: up to where the tank's law gives 0.3 or its data end.
     """
+    single(case, "growth_curve")
     loop = open_loop(case)
     amplitude = _amplitudes(case, tank) if amplitude is None else np.asarray(amplitude, dtype=float)
     last = _start(loop, tank)
@@ -205,8 +206,8 @@ def _amplitudes(case: Case, tank: int) -> Array:
     low, high = law.smallest_amplitude, law.largest_amplitude
     if np.isinf(high):
         high = float(law.amplitude(0.3)) if _varies(case, tank) else 1.0  # m: a constant law has no scale of its own
-    low = max(low, 1e-5 * high)
-    return np.unique(np.concatenate([np.geomspace(low, high, 33), np.linspace(low, high, 33)]))
+    low = max(low, 1e-7 * high)
+    return np.unique(np.concatenate([np.geomspace(low, high, 49), np.linspace(low, high, 33)]))
 
 
 def _same(one: Cycle, other: Cycle) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from sloshpy.autopilot import Autopilot
 from sloshpy.autopilot.blocks import filter_block
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
@@ -111,6 +111,7 @@ def simulate(
     """
     if not duration > 0.0:
         raise ValueError(f"duration must be > 0 s, is {duration:g} s")
+    single(case, "simulate")
     loop = open_loop(case, damping)
     h, lag = _step(loop, step)
     steps = int(np.ceil(duration / h))

@@ -2,9 +2,10 @@
 
 from sloshpy.stability.damping_law import DampingLawCurve, damping_law_curve
 from sloshpy.stability.danger_zone import DangerZone, RequiredDampingMap, danger_zone, required_damping_map
+from sloshpy.stability.grid import GridSweep, grid_sweep
 from sloshpy.stability.margins import Margins, loop_margins, margins
 from sloshpy.stability.nichols import nichols_disc_margin
-from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping, required_damping
+from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping, required_damping
 from sloshpy.stability.root_locus import RootLocus, root_locus
 from sloshpy.stability.sweep import DampingSweep, DiscMarginCurve, damping_sweep, disc_margin_curve, telling_dampings
 
@@ -13,6 +14,7 @@ __all__ = [
     "DampingSweep",
     "DangerZone",
     "DiscMarginCurve",
+    "GridSweep",
     "Margins",
     "RequiredDamping",
     "RequiredDampingMap",
@@ -21,6 +23,8 @@ __all__ = [
     "damping_sweep",
     "danger_zone",
     "disc_margin_curve",
+    "grid_sweep",
+    "joint_damping",
     "loop_margins",
     "loop_required_damping",
     "margins",

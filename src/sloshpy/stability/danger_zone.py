@@ -7,11 +7,11 @@ import numpy as np
 
 from sloshpy.autopilot import Autopilot, forward_transfer
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.errors import OutsideValidity
-from sloshpy.stability.required_damping import loop_required_damping
+from sloshpy.stability.required_damping import joint_damping, loop_required_damping
 from sloshpy.units import Array
 
 if TYPE_CHECKING:
@@ -25,7 +25,8 @@ MAP_LEVELS = 33  # damping values scanned at each station
 class DangerZone:
     """Closed-form danger zone of one tank; distances l = Xcg - X in m, positive behind the c.g.
 
-    aft: a (1 - m/M) / w^2 (eq 23). forward: -I/(M Xcg), the centre of percussion (eq 22). greensite_aft: 0.
+    aft: a (1 - m/M) / w^2 (eq 23). forward: -I/(M Xcg), the centre of percussion (eq 22).
+    Greensite's zone has the c.g. for its rear bound.
     lead: phase lead of the PD gains less the lag of filters, delay and actuator at the slosh frequency, rad.
     reason: why the closed form gives no answer here ("" where it does). note: what limits it otherwise.
     """
@@ -35,7 +36,6 @@ class DangerZone:
     l: float
     aft: float
     forward: float
-    greensite_aft: float
     lead: float
     reason: str
     note: str
@@ -44,6 +44,20 @@ class DangerZone:
     def inside(self) -> bool | None:
         """Whether the slosh mass lies in the zone; None where the closed form is refused."""
         return None if self.reason else bool(self.forward < self.l < self.aft)
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the zone as an xarray Dataset of scalars with units in the attributes."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {
+                "l": ((), self.l, {"units": "m"}),
+                "aft": ((), self.aft, {"units": "m"}),
+                "forward": ((), self.forward, {"units": "m"}),
+                "lead": ((), self.lead, {"units": "rad"}),
+            },
+            attrs={"tank": self.tank, "reason": self.reason, "note": self.note},
+        )
 
     def __str__(self) -> str:
         place = {True: "INSIDE", False: "outside", None: "closed form refused:"}[self.inside]
@@ -63,6 +77,7 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
     Pole and zero of phi/beta coincide at both bounds; between them PD control destabilises the slosh mode. Derived for
     one tank under PD control: with more lag than lead at the slosh frequency it is refused.
     """
+    single(case, "danger_zone")
     v = case.vehicle
     mass = v.tanks[tank]
     M, I, Xcg, m, w = (float(x) for x in (v.mass, v.inertia, v.cg, mass.slosh_mass, mass.frequency))
@@ -83,7 +98,6 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
         l=float(v.lever(mass)),
         aft=float(v.acceleration) * (1.0 - m / M) / w**2,  # eq 23
         forward=-I / (M * Xcg),  # eq 22
-        greensite_aft=0.0,
         lead=lead,
         reason=reason,
         note=note,
@@ -103,7 +117,7 @@ def phase_lead(autopilot: Autopilot, omega: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class RequiredDampingMap:
-    """Damping that one tank needs at each station of the vehicle, the rest as in the case.
+    """Damping that one tank needs at each station of the vehicle; the other tanks where all meet the margin together.
 
     station: (S,), m forward of the gimbal. required, neutral: (S,), damping ratios; nan where none suffices.
     departure: (S,), 1/s: real part of the undamped slosh pole's first-order departure per unit of loop gain;
@@ -122,7 +136,7 @@ class RequiredDampingMap:
         worst = int(np.nanargmax(np.where(np.isnan(self.required), np.inf, self.required)))
         need = self.required[worst]
         text = "no damping suffices" if np.isnan(need) else f"{100.0 * need:.3f} % needed"
-        return f"{self.zone}\n  worst station {self.station[worst]:.3f} m: {text}"
+        return f"{self.zone}\n  worst of {len(self.station)} stations, {self.station[worst]:.3f} m: {text}"
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the map as an xarray Dataset over the station."""
@@ -162,7 +176,7 @@ def required_damping_map(case: Case, tank: int = 0, station: Array | None = None
         raise OutsideValidity(
             "a station is so far from the c.g. that the mass matrix is indefinite; give nearer stations"
         )
-    loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}))
+    loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}), joint_damping(case))
     needed = loop_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
     return RequiredDampingMap(
         case=case,

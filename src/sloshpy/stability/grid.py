@@ -5,6 +5,7 @@ the optimistic side; `margins` refines, and decides.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -88,10 +89,11 @@ def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arra
     d = np.broadcast_to(excess_damping(loop)[..., 0], batch).reshape(-1)
     d = np.stack([np.ones_like(d), d], axis=-1)
     V, W, power = s * Z_a[..., 0, 0], s * Y_a[..., 0] * z_b[..., 0], np.abs(z_b[..., 0]) ** 2
-    lines = [(np.ones_like(V), V), (W, np.conj(V) * W)]  # constant and slope in d of 1 + d V and W + d V* W
-    pairs: list[tuple[Array, Array]] = [
-        (np.asarray(part(a), float), np.asarray(part(b), float)) for part in (np.real, np.imag) for a, b in lines
-    ]
+    lines: list[tuple[Any, Any]] = [
+        (np.ones_like(V), V),
+        (W, np.conj(V) * W),
+    ]  # constant and slope in d of 1 + d V and W + d V* W
+    pairs: list[tuple[Array, Array]] = [(part(a), part(b)) for part in (np.real, np.imag) for a, b in lines]
     pairs += [(Y_b.real, Y_b.imag), (power, power)]
     parts = [[np.broadcast_to(x, (*batch, F)) for x in pair] for pair in pairs]
     squared, where, gain = np.empty(size), np.empty(size, dtype=int), np.empty(size)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RIGID = "rigid body"
+NEUTRAL = 1e-9  # growth over slosh frequency below which a pole is on the axis
 AUDIBLE = np.log(100.0)  # phase crossings beyond +-40 dB are no margins: undamped poles and zeros, wrapped delay
 DISTANT = 4.0  # minima of eq 24 beyond this are listed in data, not on the screen
 RELATED_SHARE = 0.5  # a point belongs to a tank whose share is at least this part of the greatest
@@ -58,9 +59,15 @@ class Margins:
     criteria: Criteria
 
     @property
+    def neutral(self) -> BoolArray:
+        """Whether a pole lies on the imaginary axis within rounding: neither poles nor encirclements can say more."""
+        scale = np.max(self.source.plant.tank_frequency, axis=-1, initial=0.0)
+        return np.asarray(np.abs(self.growth) <= NEUTRAL * scale)
+
+    @property
     def trusted(self) -> bool:
-        """Whether poles and encirclement count agree, where both were asked."""
-        return self.witness is None or bool(self.witness == self.stable)
+        """Whether poles and encirclement count agree, where both were asked and can tell."""
+        return self.witness is None or bool(self.neutral) or bool(self.witness == self.stable)
 
     @property
     def nichols_disc_margin(self) -> Array:
@@ -88,7 +95,13 @@ class Margins:
     def __str__(self) -> str:
         if np.ndim(self.stable):
             return f"Margins of {np.size(self.stable)} loops, {np.sum(~self.stable)} unstable"
-        head = "stable" if self.stable else f"UNSTABLE, grows at {float(self.growth):.4g} 1/s"
+        head = (
+            "NEUTRAL"
+            if self.neutral
+            else "stable"
+            if self.stable
+            else f"UNSTABLE, grows at {float(self.growth):.4g} 1/s"
+        )
         return "\n".join([f"{head}; nichols disc margin {float(self.nichols_disc_margin):+.4f}", *self.lines()])
 
     def lines(self) -> list[str]:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sloshpy.case import Case, Criteria
+from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth
-from sloshpy.stability.margins import loop_margins
+from sloshpy.stability.margins import NEUTRAL, loop_margins
 from sloshpy.units import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
@@ -38,6 +39,15 @@ class RequiredDamping:
     def __str__(self) -> str:
         if np.ndim(self.required):
             return f"Required damping of {self.tank}: {np.size(self.required)} loops"
+        if np.isnan(self.required):
+            stable = (
+                "no damping makes it stable"
+                if np.isnan(self.neutral)
+                else f"stable from {100.0 * self.neutral:.4f} % on"
+            )
+            return f"{self.tank}: {stable}; none up to critical gives a disc margin of {self.disc_margin:g}"
+        if self.required == 0.0:
+            return f"{self.tank}: needs no slosh damping for a disc margin of {self.disc_margin:g}"
         return (
             f"{self.tank}: neutral at {100.0 * float(self.neutral):.4f} %, disc margin {self.disc_margin:g} from "
             f"{100.0 * float(self.required):.4f} % on, at {float(self.omega) / 2.0 / np.pi:.4f} Hz"
@@ -85,22 +95,23 @@ def loop_required_damping(
         """Return how far each loop is from stability (growth) and from the threshold (positive: short of it)."""
         one = _with_ratio(loop, index, tank, ratio)
         found = loop_margins(one.along(), criteria)
-        margin = found.slosh_disc_margin(tank)[0][..., 0]
+        margin = np.abs(found.slosh_disc_margin(tank)[0][..., 0])  # stability is judged by the growth
         return found.growth[..., 0], np.asarray(disc_margin - margin)
 
+    axis = NEUTRAL * float(np.max(loop.plant.tank_frequency))  # a neutral pole, which rounding moves, does not grow
     grid = np.concatenate([[0.0], np.geomspace(1e-5, MOST_RATIO, levels - 1)])
     index, ratio = (x.ravel() for x in np.meshgrid(np.arange(size), grid, indexing="ij"))
     growth, short = (x.reshape(size, levels) for x in shortfall(ratio, index))
 
     def growing(ratio: Array, index: IntArray) -> Array:
-        return greatest_growth(_with_ratio(loop, index, tank, ratio))
+        return greatest_growth(_with_ratio(loop, index, tank, ratio)) - axis
 
     def lacking(ratio: Array, index: IntArray) -> Array:
         growth, short = shortfall(ratio, index)
-        return np.where(growth < 0.0, np.maximum(short, -1e3), disc_margin)  # -inf where no minimum is the tank's
+        return np.where(growth < axis, np.maximum(short, -1e3), disc_margin)  # -inf where no minimum is the tank's
 
-    neutral = _supremum(growth >= 0.0, grid, growing)
-    required = _supremum((growth >= 0.0) | (short > 0.0), grid, lacking)
+    neutral = _supremum(growth >= axis, grid, growing)
+    required = _supremum((growth >= axis) | (short > 0.0), grid, lacking)
     omega = np.full(size, np.nan)
     known = np.flatnonzero(np.isfinite(required))
     if len(known):
@@ -114,6 +125,44 @@ def loop_required_damping(
         disc_margin=disc_margin,
         source=loop,
     )
+
+
+def joint_damping(case: Case) -> Array:
+    """Return the damping at which all tanks together meet the disc margin, one ratio for each tank.
+
+    Every tank's law is read at one common slosh amplitude: the least above which, for every larger one, the loop is
+    stable and no slosh-related disc margin is below the criterion. The five steps hold the other tanks there, since in
+    a limit cycle none of them is at rest. A constant law stays what it is; where no amplitude suffices, or one tank
+    decides alone, the ratios are those at the greatest amplitude that the data support, or at small amplitude.
+    """
+    laws = [tank.damping for tank in case.vehicle.tanks]
+    small = open_loop(case).damping
+    growing = [j for j, law in enumerate(laws) if np.isfinite(_reach(law)) and _reach(law) > 0.0]
+    if len(laws) < 2 or not growing:
+        return small
+    most = max(_reach(laws[j]) for j in growing)
+    axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
+    grid = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, LEVELS - 1)]) * most
+
+    def read(amplitude: Array) -> Array:
+        columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
+        return np.minimum(np.stack(columns, axis=-1), MOST_RATIO)
+
+    def lacking(amplitude: Array, index: IntArray) -> Array:
+        found = loop_margins(open_loop(case, read(amplitude)), case.criteria)
+        own = np.any([found.related(j) for j in range(len(laws))], axis=0)
+        least = np.min(np.where(own, found.minima.value, np.inf), axis=-1)
+        short = np.where(np.isinf(least), -1.0, case.criteria.disc_margin - least)
+        return np.where(found.growth < axis, short, np.maximum(np.abs(short), case.criteria.disc_margin))
+
+    bad = lacking(grid, np.zeros(len(grid), dtype=int))[None, :] > 0.0
+    amplitude = _supremum(bad, grid, lacking)[0]
+    return read(np.asarray(most if np.isnan(amplitude) else amplitude))
+
+
+def _reach(law: DampingLaw) -> float:
+    """Return the amplitude in m at which a law's data end or it becomes critical; not finite for a constant."""
+    return float(law.amplitude(MOST_RATIO)) if np.isinf(law.largest_amplitude) else law.largest_amplitude
 
 
 def _with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:

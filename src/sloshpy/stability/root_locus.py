@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import open_loop
+from sloshpy.dynamics.loop import open_loop, single
 from sloshpy.dynamics.poles import closed_loop_eigenvalues, closed_loop_poles, open_loop_poles, system_matrix
 from sloshpy.stability.nichols import loop_zeros
 from sloshpy.units import Array, ComplexArray, Real
@@ -63,6 +63,7 @@ def root_locus(case: Case, damping: Real | None = None, gain: Array | None = Non
         damping: slosh damping ratios, one for all tanks or one for each.
         gain: extra loop gains, increasing; default: 0.001 to 100.
     """
+    single(case, "root_locus")
     loop = open_loop(case, 0.0 if damping is None else damping)
     gain = np.geomspace(1e-3, 1e2, 401) if gain is None else np.asarray(gain, dtype=float)
     pilot = case.autopilot.model_copy(update={"gain": np.asarray(case.autopilot.gain) * gain})

@@ -10,7 +10,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.response import FrequencyResponse, frequency_response, transfer
 from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
-from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping
+from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping
 from sloshpy.units import Array, BoolArray
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ NEAR = 10.0  # disc margin within which the curves are smoothed
 
 @dataclass(frozen=True, kw_only=True)
 class DampingSweep:
-    """One loop at several damping ratios of one tank, the other tanks as in the case at small amplitude.
+    """One loop at several damping ratios of one tank, the other tanks where all meet the disc margin together.
 
     damping: (D,), ratios of the swept tank, increasing. response: L and z/beta, (D, F), on common frequencies.
     margins: a batch (D,). required: the tank's neutral and required damping.
@@ -196,7 +196,7 @@ def telling_dampings(required: RequiredDamping) -> tuple[float, ...]:
 def disc_margin_curve(
     case: Case, damping: Array | None = None, tank: int = 0, required: RequiredDamping | None = None
 ) -> DiscMarginCurve:
-    """Return a tank's signed disc margin over its damping, the other tanks as in the case at small amplitude.
+    """Return a tank's signed disc margin over its damping, the other tanks where all meet the disc margin together.
 
     Args:
         case: one vehicle and autopilot, no batch.
@@ -221,12 +221,12 @@ def disc_margin_curve(
 
 
 def _needed(case: Case, tank: int) -> RequiredDamping:
-    return loop_required_damping(open_loop(case), case.criteria, tank, case.criteria.disc_margin)
+    return loop_required_damping(open_loop(case, joint_damping(case)), case.criteria, tank, case.criteria.disc_margin)
 
 
 def _swept(case: Case, tank: int, ratio: Array) -> Loop:
     """Return a batch of loops, one for each damping of one tank."""
-    own = open_loop(case).damping
+    own = joint_damping(case)
     return open_loop(case, damping=np.where(np.arange(len(own)) == tank, ratio[:, None], own))
 
 
