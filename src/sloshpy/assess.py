@@ -54,6 +54,7 @@ class Assessment:
     verdict: "pass", "fail", or "invalid" where the model supports no verdict.
     cycles: limit cycles of the loop as given; None where one sinusoid predicts none (a reason says so).
     read_at: how the damping of the loop properties was chosen, in words.
+    other_disc_margin: least disc margin that belongs to no tank; inf where there is none.
     """
 
     case: Case
@@ -64,6 +65,13 @@ class Assessment:
     margins: Margins
     tanks: tuple[TankReview, ...]
     cycles: tuple[Cycle, ...] | None
+    other_disc_margin: float
+
+    @property
+    def worst_tvc_amplitude(self) -> float:
+        """Greatest engine amplitude of the tanks' limit cycles, rad; nan where no number is supported for one."""
+        amplitudes = [t.limit_cycle.tvc_amplitude[1] for t in self.tanks if t.limit_cycle.band.size]
+        return float(np.max(amplitudes)) if amplitudes else 0.0
 
     def __str__(self) -> str:
         m = self.margins
@@ -191,6 +199,7 @@ def assess(case: Case, damping: Real | None = None, amplitude: Real | None = Non
         margins=found,
         tanks=tanks,
         cycles=cycles,
+        other_disc_margin=float(np.min(_other_minima(found, len(tanks)))),
     )
 
 
@@ -237,8 +246,7 @@ def _verdict(
             else f"is unstable: it grows at {value.real:.4g} 1/s"
         )
         failed.append(f"{name} mode {what}")
-    shared = np.any([found.related(j) for j in range(len(tanks))], axis=0)
-    other = np.where(shared, np.inf, np.where(np.isfinite(found.minima.value), found.minima.value, np.inf))
+    other = _other_minima(found, len(tanks))
     least = float(np.min(other))
     if least < criteria.disc_margin:
         k = int(np.argmin(other))
@@ -280,6 +288,12 @@ def _verdict(
         return verdict, (*met, *cautions)
     first = (*failed, *invalid) if verdict == "fail" else (*invalid, *failed)
     return verdict, (*first, *cautions, *met)
+
+
+def _other_minima(found: Margins, tanks: int) -> Array:
+    """Return the disc margins of the minima that belong to no tank, inf in the place of the rest."""
+    shared = np.any([found.related(j) for j in range(tanks)], axis=0)
+    return np.where(shared | ~np.isfinite(found.minima.value), np.inf, found.minima.value)
 
 
 def _read_at(case: Case, used: Array, damping: Real | None, amplitude: Real | None) -> str:

@@ -12,6 +12,7 @@ from sloshpy.case import Case
 from sloshpy.damping import PowerDamping
 from sloshpy.units import Quantity, show
 
+OWN_TABLES = {"name", "tanks", "flexible_modes", "engine", "aerodynamics"}  # of the vehicle, but not in its table
 MOST_SHOWN = 12  # values of a list shown one by one
 
 
@@ -32,13 +33,21 @@ def input_rows(case: Case) -> list[InputRow]:
     rows = [*_rows("vehicle", case.vehicle, given)]
     for tank in case.vehicle.tanks:
         rows += _rows(f"tank.{tank.name}", tank, given)
+    for mode in case.vehicle.flexible_modes:
+        rows += _rows(f"flexible_mode.{mode.name}", mode, given)
+    for key, part in (("engine", case.vehicle.engine), ("aerodynamics", case.vehicle.aerodynamics)):
+        rows += _rows(key, part, given) if part is not None else []
     return [*rows, *_rows("autopilot", case.autopilot, given), *_rows("criteria", case.criteria, given)]
 
 
 def _rows(key: str, noun: BaseModel, given: dict[str, str]) -> Iterator[InputRow]:
     for name, field in type(noun).model_fields.items():
         value, at = getattr(noun, name), f"{key}.{field.alias or name}"
-        if value is None or name in {"tanks", "name"}:
+        if value is None or name in OWN_TABLES:
+            continue
+        if isinstance(value, dict):  # a mode's shapes by tank
+            for tank, shape in value.items():
+                yield from _rows(f"{at}.{tank}", shape, given)
             continue
         if isinstance(value, BaseModel):
             yield from _rows(at, value, given)

@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 
 from sloshpy.assess import Assessment
+from sloshpy.case import Case
 from sloshpy.errors import OutsideValidity
 from sloshpy.files.write import write_whole
 from sloshpy.plots import figure_bytes
@@ -16,14 +17,6 @@ from sloshpy.report.figures import ReportFigure, figures
 from sloshpy.report.inputs import input_rows
 from sloshpy.report.tables import criteria_table, cycle_table, margin_table, mode_table, tank_table
 
-ASSUMPTIONS = (
-    "The vehicle is a rigid body on vectored thrust, seen in one plane; bending and engine inertia are not modelled.",
-    "Angles are small, mass properties and acceleration are frozen at one flight time; there is no aerodynamic moment.",
-    "Each tank is one spring-mass-damper, its first lateral slosh mode: good to slosh amplitudes of 10 to 15 % of the "
-    "tank radius.",
-    "Damping depends on the amplitude alone, as each tank's law says; no law is read beyond its data.",
-    "A limit cycle is predicted as one sinusoid (describing function); beating of several modes needs simulation.",
-)
 METHOD = (
     ("Equations of motion", "eqs 1 to 12, with the signs that make the mass matrix symmetric"),
     ("Control law", "eq 13, sign such that the loop is closed by negative feedback"),
@@ -69,10 +62,31 @@ def report_html(assessment: Assessment) -> str:
         tables=[criteria_table(assessment), tank_table(assessment), *loop],
         figures=[_shown(k, figure) for k, figure in enumerate(figures(assessment))],
         inputs=input_rows(assessment.case),
-        cautions=[reason for reason in assessment.reasons if "caution" in reason],
-        assumptions=ASSUMPTIONS,
+        cautions=[reason for reason in assessment.reasons if "caution" in reason or "not checked" in reason],
+        assumptions=assumptions(assessment.case),
         method=METHOD,
     )
+
+
+def assumptions(case: Case) -> list[str]:
+    """Return what the numbers of a case take for granted, worded for the parts it has."""
+    v = case.vehicle
+    body = (
+        f"The vehicle is a body with {len(v.flexible_modes)} bending modes, slosh masses frozen in them, on vectored "
+        "thrust that follows its rigid axis"
+        if v.flexible_modes
+        else "The vehicle is a rigid body on vectored thrust"
+    )
+    engine = "the inertia of the swivelling engine counts" if v.engine else "the engine has no inertia"
+    air = "the air acts by a quasi-steady normal force" if v.aerodynamics else "there is no aerodynamic force"
+    return [
+        f"{body}, seen in one plane; {engine}; {air}.",
+        "Angles are small, mass properties and acceleration are frozen at one flight time.",
+        "Each tank is one spring-mass-damper, its first lateral slosh mode: good to slosh amplitudes of 10 to 15 % of "
+        "the tank radius.",
+        "Damping depends on the speed of the slosh mass alone, by each law; no law is read beyond its data.",
+        "A limit cycle is predicted as one sinusoid (describing function); beating of several modes needs simulation.",
+    ]
 
 
 def _shown(number: int, figure: ReportFigure) -> _Shown:

@@ -26,16 +26,27 @@ class Table:
 
 def criteria_table(assessment: Assessment) -> Table:
     """Return the criteria that the verdict rests on."""
-    c = assessment.case.criteria
+    c, worst = assessment.case.criteria, assessment.worst_tvc_amplitude
+    other = assessment.other_disc_margin
     return Table(
         title="Criteria",
-        head=("Criterion", "Value", "Use"),
+        head=("Criterion", "Wanted", "Found", "Use"),
         rows=[
-            ("Disc margin", f"{c.disc_margin:g}", "least disc margin; sets the required damping"),
-            ("Gain axis of the disc", f"{decibel(c.gain_margin):.3g} dB", "GM_d of eq 24"),
-            ("Phase axis of the disc", f"{np.degrees(c.phase_margin):.3g} deg", "PM_d of eq 24"),
-            ("Limit-cycle disc margin", f"{c.limit_cycle_disc_margin:g}", "frequencies below it enter the band"),
-            ("Engine amplitude", f"{np.degrees(c.tvc_amplitude):.3g} deg", "largest acceptable limit cycle"),
+            (
+                "Engine amplitude",
+                f"<= {np.degrees(c.tvc_amplitude):.3g} deg",
+                _number(np.degrees(worst), ".3g", "deg"),
+                "greatest limit cycle of any tank, degraded by its whole margin",
+            ),
+            (
+                "Disc margin",
+                f">= {c.disc_margin:g}",
+                _number(other, ".3f") if assessment.margins.trusted else NONE,
+                "least of the rigid body and other modes; for a tank it sets the required damping",
+            ),
+            ("Gain axis of the disc", f"{decibel(c.gain_margin):.3g} dB", "", "GM_d of eq 24"),
+            ("Phase axis of the disc", f"{np.degrees(c.phase_margin):.3g} deg", "", "PM_d of eq 24"),
+            ("Limit-cycle disc margin", f"{c.limit_cycle_disc_margin:g}", "", "frequencies below it enter the band"),
         ],
     )
 
@@ -60,8 +71,9 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, str]:
     band = " and ".join(f"{a:.4g} to {b:.4g}" for a, b in c.band / (2.0 * np.pi))
     return {
         "Damping, loop as read": _number(100.0 * tank.damping_ratio, ".4g", "%"),
-        "Required damping": _needed(float(c.required.required)) if trusted else NONE,
-        "Neutral damping": _needed(float(c.required.neutral)) if trusted else NONE,
+        "Required damping, all tanks together": _needed(float(c.required.required)) if trusted else NONE,
+        "Required damping, others at small amplitude": _needed(float(tank.required.required)) if trusted else NONE,
+        "Neutral damping, others at small amplitude": _needed(float(tank.required.neutral)) if trusted else NONE,
         "Slosh disc margin, loop as read": _number(tank.disc_margin, "+.4f") if trusted else NONE,
         "Danger zone (eqs 22, 23)": inside,
         "Zone about the c.g.": NONE if z.reason else f"{z.aft:.4g} m behind to {-z.forward:.4g} m ahead",

@@ -93,7 +93,7 @@ def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arra
         (np.ones_like(V), V),
         (W, np.conj(V) * W),
     ]  # constant and slope in d of 1 + d V and W + d V* W
-    pairs: list[tuple[Array, Array]] = [(part(a), part(b)) for part in (np.real, np.imag) for a, b in lines]
+    pairs: list[tuple[Any, Any]] = [(part(a), part(b)) for part in (np.real, np.imag) for a, b in lines]
     pairs += [(Y_b.real, Y_b.imag), (power, power)]
     parts = [[np.broadcast_to(x, (*batch, F)) for x in pair] for pair in pairs]
     squared, where, gain = np.empty(size), np.empty(size, dtype=int), np.empty(size)

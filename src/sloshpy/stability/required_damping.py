@@ -1,5 +1,6 @@
 """Least slosh damping that a tank needs: suprema over damping, never roots (the disc margin is a distance)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -132,32 +133,45 @@ def joint_damping(case: Case) -> Array:
 
     Every tank's law is read at one common slosh amplitude: the least above which, for every larger one, the loop is
     stable and no slosh-related disc margin is below the criterion. The five steps hold the other tanks there, since in
-    a limit cycle none of them is at rest. A constant law stays what it is; where no amplitude suffices, or one tank
-    decides alone, the ratios are those at the greatest amplitude that the data support, or at small amplitude.
+    a limit cycle none of them is at rest. Where the laws do not suffice at any amplitude (a constant too small, data
+    that end too early), each tank gets at least the least common ratio that does, so that a tank is judged by its own
+    need and not by another's shortage. One tank alone keeps its small-amplitude damping.
     """
     laws = [tank.damping for tank in case.vehicle.tanks]
     small = open_loop(case).damping
-    growing = [j for j, law in enumerate(laws) if np.isfinite(_reach(law)) and _reach(law) > 0.0]
-    if len(laws) < 2 or not growing:
+    if len(laws) < 2:
         return small
-    most = max(_reach(laws[j]) for j in growing)
+    reaches = [_reach(law) for law in laws]
+    most = max([reach for reach in reaches if np.isfinite(reach)], default=0.0)
     axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
-    grid = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, LEVELS - 1)]) * most
+    grid = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, LEVELS - 1)])
 
-    def read(amplitude: Array) -> Array:
+    def at_amplitude(amplitude: Array) -> Array:
         columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
         return np.minimum(np.stack(columns, axis=-1), MOST_RATIO)
 
-    def lacking(amplitude: Array, index: IntArray) -> Array:
-        found = loop_margins(open_loop(case, read(amplitude)), case.criteria)
+    def lacking(damping: Array) -> Array:
+        found = loop_margins(open_loop(case, damping), case.criteria)
         own = np.any([found.related(j) for j in range(len(laws))], axis=0)
         least = np.min(np.where(own, found.minima.value, np.inf), axis=-1)
         short = np.where(np.isinf(least), -1.0, case.criteria.disc_margin - least)
         return np.where(found.growth < axis, short, np.maximum(np.abs(short), case.criteria.disc_margin))
 
-    bad = lacking(grid, np.zeros(len(grid), dtype=int))[None, :] > 0.0
-    amplitude = _supremum(bad, grid, lacking)[0]
-    return read(np.asarray(most if np.isnan(amplitude) else amplitude))
+    def least_of(damping: Callable[[Array], Array], levels: Array) -> float:
+        bad = lacking(damping(levels))[None, :] > 0.0
+        return float(_supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
+
+    if most > 0.0:
+        amplitude = least_of(at_amplitude, grid * most)
+        if not np.isnan(amplitude):
+            return at_amplitude(np.asarray(amplitude))
+    given = at_amplitude(np.asarray(most))
+
+    def at_least(ratio: Array) -> Array:
+        return np.maximum(given, np.asarray(ratio)[..., None])
+
+    ratio = least_of(at_least, grid * MOST_RATIO)
+    return given if np.isnan(ratio) else at_least(np.asarray(ratio))
 
 
 def _reach(law: DampingLaw) -> float:

@@ -1,0 +1,108 @@
+"""Several tanks are judged where they meet the margin together; every expectation comes from physics or the oracle."""
+
+import numpy as np
+import pytest
+
+import oracle
+from cases import paper_case, xi
+from sloshpy.assess import assess
+from sloshpy.damping import PowerDamping, TableDamping
+from sloshpy.limit_cycle import predict_limit_cycle
+from sloshpy.stability import joint_damping, required_damping
+from sloshpy.vehicle import SloshMass
+
+HALF = {"slosh_mass": 500.0}
+TWIN = SloshMass(name="twin", slosh_mass=500.0, station=9.0, frequency=2.0, damping=PowerDamping(slope=0.1))
+HARMLESS = SloshMass(name="LH2", slosh_mass=800.0, station=-5.0, frequency=3.3, damping=xi(0.06))
+WEAK = SloshMass(name="aux", slosh_mass=60.0, station=9.0, frequency=3.1, damping=xi(0.0005))
+SECOND = SloshMass(name="second", slosh_mass=700.0, station=8.0, frequency=2.7, damping=PowerDamping(slope=0.2))
+
+
+def slosh_margin(case, damping):
+    """Least disc margin of the oracle near the slosh frequencies, -1 where the loop is unstable."""
+    c = oracle.numbers(case, np.asarray(damping))
+    if not oracle.stable(c):
+        return -1.0
+    omega = np.linspace(1.5, 3.6, 40001)
+    return float(np.min(oracle.disc_margin(oracle.loop(c, 1j * omega))))
+
+
+def test_a_tank_split_into_two_halves_keeps_verdict_and_amplitudes():
+    whole, split = assess(paper_case()), assess(paper_case(tank=HALF, more=(TWIN,)))
+    assert split.verdict == whole.verdict == "pass"
+    one = whole.tanks[0].limit_cycle
+    for tank in split.tanks:
+        half = tank.limit_cycle
+        assert float(half.required.required) == pytest.approx(float(one.required.required), rel=1e-6)
+        assert half.slosh_amplitude == pytest.approx(one.slosh_amplitude, rel=1e-6)
+        np.testing.assert_allclose(half.tvc_amplitude, one.tvc_amplitude, rtol=1e-6)
+    assert split.cycles[0].slosh_amplitude["twin"] == pytest.approx(whole.cycles[0].slosh_amplitude["LOX"], rel=1e-6)
+
+
+def test_a_damped_tank_outside_the_danger_zone_does_not_fail_the_vehicle():
+    review = assess(paper_case(more=(HARMLESS,)))
+    assert review.verdict == "pass"
+    assert float(review.tanks[1].limit_cycle.required.required) == 0.0
+    assert np.isnan(review.tanks[1].required.required)  # beside LOX at rest, which is unstable, nothing helps
+
+
+def test_a_weak_tank_fails_and_is_the_first_reason():
+    review = assess(paper_case(more=(WEAK,)))
+    assert review.verdict == "fail"
+    assert review.reasons[0].startswith("aux: its damping stays below")
+
+
+def test_a_tank_is_judged_by_its_own_need_beside_one_that_is_short():
+    review = assess(paper_case(more=(WEAK,)))
+    lox = review.tanks[0].limit_cycle
+    alone = assess(paper_case()).tanks[0].limit_cycle
+    assert lox.acceptable is True
+    # 60 kg beside 1000 kg move the requirement by little
+    assert float(lox.required.required) == pytest.approx(float(alone.required.required), rel=0.1)
+
+
+def test_what_no_damping_can_mend_is_named():
+    review = assess(paper_case(attitude_gain=0.0, more=(HARMLESS,), delay=1.6))
+    assert review.verdict == "fail"
+    assert any("rigid body" in reason for reason in review.reasons)
+
+
+def test_together_the_tanks_just_meet_the_margin_and_a_little_less_does_not():
+    case = paper_case(more=(SECOND,))
+    needed = joint_damping(case)
+    laws = [t.damping for t in case.vehicle.tanks]
+    amplitudes = [float(law.amplitude(ratio)) for law, ratio in zip(laws, needed, strict=True)]
+    assert amplitudes[0] == pytest.approx(amplitudes[1], rel=1e-6)  # one common amplitude
+    # 1e-4: the grid of the oracle misses the minimum by less
+    assert slosh_margin(case, needed) == pytest.approx(1.0, abs=1e-4)
+    assert slosh_margin(case, [float(law.ratio(0.99 * amplitudes[0])) for law in laws]) < 1.0 - 1e-3
+    for factor in (1.01, 1.5, 3.0):
+        assert slosh_margin(case, [float(law.ratio(factor * amplitudes[0])) for law in laws]) > 1.0
+
+
+def test_one_tank_is_held_at_its_own_small_amplitude_damping():
+    np.testing.assert_array_equal(joint_damping(paper_case()), [0.0])
+    np.testing.assert_array_equal(joint_damping(paper_case(xi(0.2), more=(HARMLESS,))), [0.2, 0.06])
+
+
+def test_constant_laws_that_are_too_small_get_the_least_common_ratio_that_suffices():
+    case = paper_case(xi(0.02), more=(WEAK,))
+    needed = joint_damping(case)
+    assert needed[0] == needed[1]
+    assert slosh_margin(case, needed) == pytest.approx(1.0, abs=1e-4)
+    assert slosh_margin(case, 0.99 * needed) < 1.0
+
+
+def test_tables_that_end_too_early_give_no_verdict_for_several_tanks_either():
+    short = TableDamping(amplitude=[0.0, 0.1], ratio=[0.001, 0.012])
+    review = assess(paper_case(short, more=(HARMLESS,)))
+    assert review.verdict == "invalid"
+    assert "outside the damping data" in review.reasons[0]
+
+
+def test_the_limit_cycle_of_a_tank_can_be_asked_with_the_others_as_one_likes():
+    case = paper_case(more=(HARMLESS,))
+    bare = predict_limit_cycle(case, 0, np.array([0.0, 0.0]))
+    damped = predict_limit_cycle(case, 0)
+    assert float(bare.required.required) != pytest.approx(float(damped.required.required), rel=1e-3)
+    assert float(required_damping(case, "LOX").required) == pytest.approx(float(damped.required.required), rel=1e-9)
