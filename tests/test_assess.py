@@ -24,6 +24,7 @@ TANK = {
     "disc_margin",
     "neutral_damping",
     "required_damping",
+    "required_damping_together",
     "limit_cycle",
 }
 CYCLE = {

@@ -69,7 +69,7 @@ def test_neutral_damping_of_the_nominal_loop_is_2_3929_percent():
     assert neutral == pytest.approx(0.023929, abs=5e-7)
     pole = closed_loop_poles(open_loop(paper_case(), damping=neutral)).value[0]
     assert pole.imag == pytest.approx(2.132783, abs=5e-7)
-    assert abs(pole.real) < 1e-9
+    assert abs(pole.real) < 1e-8  # neutral is told from growing at 1e-9 of the slosh frequency
 
 
 @pytest.mark.parametrize(

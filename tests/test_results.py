@@ -30,7 +30,7 @@ RESULTS = {
         "loop_real",
     ),
     "required": (lambda: required_damping(CASE), "4.7358 %", "required"),
-    "map": (lambda: required_damping_map(CASE, station=np.linspace(-4.0, 14.0, 7)), "worst station", "departure"),
+    "map": (lambda: required_damping_map(CASE, station=np.linspace(-4.0, 14.0, 7)), "worst of 7 stations", "departure"),
     "locus": (lambda: root_locus(CASE, gain=np.geomspace(0.01, 10.0, 30)), "2.12481j", "real"),
     "sweep": (lambda: damping_sweep(CASE, np.array([0.01, 0.048])), "unstable", "gain_db"),
     "curve": (lambda: disc_margin_curve(CASE), "4.7358 %", "disc_margin"),

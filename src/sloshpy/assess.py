@@ -84,7 +84,7 @@ class Assessment:
         lines += m.lines()
         lines.append("")
         for tank in self.tanks:
-            lines += [str(tank.zone), str(tank.limit_cycle)]
+            lines += [str(tank.zone), tank.limit_cycle.summary()]
         lines += [str(cycle) for cycle in self.cycles or ()]
         return "\n".join(lines)
 
@@ -231,6 +231,7 @@ def _verdict(
     failed: list[str] = []
     cautions: list[str] = []
     met: list[str] = []
+    told: list[str] = []
     if not found.trusted:
         invalid.append(
             "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
@@ -269,7 +270,7 @@ def _verdict(
         if one.stable and one.tvc_amplitude > criteria.tvc_amplitude:
             failed.append(f"the loop as given has a {one}, more than {np.degrees(criteria.tvc_amplitude):.3g} deg")
         else:
-            cautions.append(f"the loop as given {'runs into a' if one.stable else 'grows away from an'} {one}")
+            told.append(f"the loop as given {'runs into a' if one.stable else 'grows away from an'} {one}")
     if unsupported:
         invalid.append(unsupported)
     heavy = float(case.vehicle.mass_matrix_margin)
@@ -285,9 +286,9 @@ def _verdict(
     if not found.trusted:
         verdict = "invalid"
     if verdict == "pass":
-        return verdict, (*met, *cautions)
+        return verdict, (*met, *told, *cautions)
     first = (*failed, *invalid) if verdict == "fail" else (*invalid, *failed)
-    return verdict, (*first, *cautions, *met)
+    return verdict, (*first, *told, *cautions, *met)
 
 
 def _other_minima(found: Margins, tanks: int) -> Array:

@@ -85,8 +85,8 @@ def test_a_table_is_read_in_si(tmp_path: Path, text: str, amplitude: list[float]
             2,
             "column amplitude",
             "-1",
-            "must be >= 0 m",
-            'write "9 m" or "29.5 ft" or the like',
+            "must be >= 0 m and <= 1000 m",
+            "drop the sign",
         ),
         (
             "amplitude [m],ratio\n0,0\n2,4.8\n",

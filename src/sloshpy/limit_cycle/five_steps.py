@@ -75,6 +75,11 @@ class LimitCycle:
         return f" (with {', '.join(others)})" if others else ""
 
     def __str__(self) -> str:
+        numbers = np.all(np.isfinite(self.tvc_amplitude))
+        return "\n".join([self.summary(), *(f"  {reason}" for reason in self.reasons if numbers)])
+
+    def summary(self) -> str:
+        """Return the numbers in four lines, or the reasons where there are none."""
         if not np.all(np.isfinite(self.tvc_amplitude)):
             return f"{self.tank}: " + "; ".join(self.reasons)
         low, high = np.degrees(self.tvc_amplitude)
@@ -89,7 +94,7 @@ class LimitCycle:
             f"  required damping {100 * float(self.required.required):.4f} %{self._held}; neutral after "
             f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms",
         ]
-        return "\n".join(lines + [f"  {reason}" for reason in self.reasons])
+        return "\n".join(lines)
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the engine amplitude over the band as an xarray Dataset, the rest in its attributes."""
