@@ -153,3 +153,8 @@ def test_ring_baffle_law_holds_in_time():
         oracle.numbers(paper_case(), 0.0), [lambda v: -c * abs(v) ** 0.5 * v], 0.3, run.time, rtol=1e-9
     )
     assert np.abs(run.slosh - z).max() < 1e-5
+
+
+def test_a_delay_that_asks_for_more_steps_than_a_run_can_take_is_refused():
+    with pytest.raises(ValueError, match="which the delay asks for"):
+        simulate(paper_case(delay=1e-6), 60.0)

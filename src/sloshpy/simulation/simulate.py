@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 DIVERGED = 1e3  # m or rad: far beyond any model of this package
 INITIAL_SLOSH = 0.01  # m
+MOST_STEPS = 5e6  # some minutes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +108,7 @@ def simulate(
         step: s, at most; default: a tenth of the fastest slosh radian and 0.6 of the fastest pole's.
 
     Raises:
+        ValueError: more steps than a run can take: a delay of microseconds is no delay, leave it out.
         OutsideValidity: a damping table does not start at 0 m, so that its force is unknown.
     """
     if not duration > 0.0:
@@ -114,6 +116,11 @@ def simulate(
     single(case, "simulate")
     loop = open_loop(case, damping)
     h, lag = _step(loop, step)
+    if duration / h > MOST_STEPS:
+        cause = "the delay" if lag == 1 else "the fastest pole"
+        raise ValueError(
+            f"{duration:g} s in steps of {h:.3g} s, which {cause} asks for, are more than {MOST_STEPS:.0e} steps"
+        )
     steps = int(np.ceil(duration / h))
     model = _Model(loop, case, None if damping is None else loop.damping)
     x = np.zeros(model.size)
