@@ -144,3 +144,14 @@ def test_five_steps_at_another_threshold_follow_the_criteria():
     assert dm.min() == pytest.approx(0.5, abs=1e-6)
     inside = w[dm < 0.6]
     np.testing.assert_allclose(found.band[0], [inside[0], inside[-1]], atol=5e-6)
+
+
+def test_the_predicted_degradation_makes_the_linear_loop_neutral():
+
+    found = predict_limit_cycle(paper_case(delay=0.05))
+    degraded = paper_case(delay=0.05).autopilot.degraded(found.gain, found.delay)
+    case = paper_case(delay=0.05).model_copy(update={"autopilot": degraded})
+    c = oracle.numbers(case, np.array([float(found.required.required)]))
+    # the oracle's own loop passes through -1 there
+    assert abs(oracle.loop(c, np.array([1j * found.omega]))[0] + 1.0) < 1e-8
+    assert abs(found.degraded_growth) < 1e-8

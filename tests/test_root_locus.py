@@ -29,7 +29,7 @@ def test_locus_agrees_with_python_control():
         np.testing.assert_allclose(np.sort_complex(a), np.sort_complex(b), rtol=1e-8)
 
 
-def test_slosh_pole_departs_to_the_right_and_lies_above_its_zero():
+def test_slosh_pole_departs_to_the_right_and_lies_below_its_zero():
     """Fig 4: undamped, in the danger zone."""
     locus = root_locus(paper_case())
     pole = next(p for p in locus.open_poles if p.imag > 1)
@@ -55,3 +55,16 @@ def test_rate_feedback_alone_and_attitude_feedback_alone_have_the_right_zeros():
         num, _ = oracle.one_tank_polynomials(oracle.numbers(paper_case(), 0.0))
         slosh = [z for z in zeros if z.imag > 0]
         assert slosh[0].imag == pytest.approx(np.sqrt(num[2] / num[0]), rel=1e-8)
+
+
+def test_slosh_pole_and_zero_trade_places_at_the_bounds_of_the_danger_zone():
+    # eqs 22 and 23: they coincide at l = -I/(M Xcg) and l = a (1 - m/M)/w^2
+    for station, below in (
+        (9.0, True),
+        (6.0 + 9.3, True),
+        (6.0 + 9.45, False),
+        (6.0 - 13.1, True),
+        (6.0 - 13.25, False),
+    ):
+        pole, zero = root_locus(paper_case(tank={"station": station})).slosh_order["LOX"]
+        assert (pole < zero) == below

@@ -12,7 +12,7 @@ import numpy as np
 
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop, single
-from sloshpy.dynamics.poles import closed_loop_poles
+from sloshpy.dynamics.poles import closed_loop_poles, greatest_growth
 from sloshpy.dynamics.response import transfer
 from sloshpy.stability.margins import loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
@@ -38,6 +38,8 @@ class LimitCycle:
     DM < `limit_cycle_disc_margin`. omega: of the least disc margin, rad/s.
     slosh_amplitude, paper_slosh_amplitude: m. tvc_amplitude, paper_tvc_amplitude: (2,), rad, least and greatest.
     gain, delay: the degradation that makes the loop neutral at omega: amplitude ratio and s.
+    degraded_growth: greatest growth of the loop so degraded at the required damping, 1/s, 0 but for rounding; nan for a
+    negative delay, which is a phase advance.
     acceptable: greatest engine amplitude within the limit; None where no number is supported.
     band_omega, band_tvc, paper_band_tvc: samples of the engine amplitude over the band, for figures.
     """
@@ -53,6 +55,7 @@ class LimitCycle:
     paper_tvc_amplitude: Array
     gain: float
     delay: float
+    degraded_growth: float
     tvc_limit: float
     acceptable: bool | None
     reasons: tuple[str, ...]
@@ -64,6 +67,13 @@ class LimitCycle:
     def gain_db(self) -> float:
         """The gain degradation in dB."""
         return float(20.0 * np.log10(self.gain))
+
+    @property
+    def _checked(self) -> str:
+        if np.isnan(self.degraded_growth):
+            return ", a phase advance"
+        neutral = abs(self.degraded_growth) < 1e-9 * self.omega
+        return " (poles confirm)" if neutral else f" (another mode grows then, {self.degraded_growth:+.3g} 1/s)"
 
     @property
     def _held(self) -> str:
@@ -92,7 +102,7 @@ class LimitCycle:
             f"  paper's convention: slosh {self.paper_slosh_amplitude:.4f} m, engine "
             f"{1e3 * self.paper_tvc_amplitude[0]:.3f}-{1e3 * self.paper_tvc_amplitude[1]:.3f} mrad",
             f"  required damping {100 * float(self.required.required):.4f} %{self._held}; neutral after "
-            f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms",
+            f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms{self._checked}",
         ]
         return "\n".join(lines)
 
@@ -160,6 +170,10 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
     unsupported = _unsupported(case, tank, xi, consistent, float(np.max(samples)), float(extremes[1]))
     acceptable: bool | None = bool(extremes[1] <= criteria.tvc_amplitude)  # step 5
     L = complex(transfer(threshold, np.array(1j * omega)).loop)
+    gain_to_neutral, delay = 1.0 / abs(L), float(np.angle(-L)) / omega
+    degraded = np.nan
+    if delay + float(case.autopilot.delay) >= 0.0:
+        degraded = float(greatest_growth(replace(threshold, autopilot=case.autopilot.degraded(gain_to_neutral, delay))))
     return LimitCycle(
         case=case,
         tank=mass.name,
@@ -170,8 +184,9 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
         paper_slosh_amplitude=amplitude,
         tvc_amplitude=extremes,
         paper_tvc_amplitude=_extremes(threshold, tank, samples, paper_tvc, amplitude, 0),
-        gain=1.0 / abs(L),
-        delay=float(np.angle(-L)) / omega,
+        gain=gain_to_neutral,
+        delay=delay,
+        degraded_growth=degraded,
         tvc_limit=criteria.tvc_amplitude,
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
         reasons=tuple(unsupported + _cautions(case, tank, amplitude, consistent)),
@@ -250,6 +265,7 @@ def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool 
         paper_tvc_amplitude=nothing,
         gain=np.nan,
         delay=np.nan,
+        degraded_growth=np.nan,
         tvc_limit=case.criteria.tvc_amplitude,
         acceptable=acceptable,
         reasons=(reason,),

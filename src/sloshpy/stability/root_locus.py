@@ -21,6 +21,8 @@ class RootLocus:
 
     gain: (G,), amplitude ratio on top of the case's loop. branch: (G, N), rad/s, each column one pole followed by
     continuity from the open-loop poles. open_poles, zeros: rad/s. names: of the open-loop branches.
+    slosh_order: per tank, its open-loop pole and the zero nearest to it, rad/s; under PD control a pole below its zero
+    is driven unstable, one above it is stabilised.
     closed: poles at the case's own gain. drift_poles: neutral poles removed by structure.
     """
 
@@ -30,6 +32,7 @@ class RootLocus:
     branch: ComplexArray
     open_poles: ComplexArray
     zeros: ComplexArray
+    slosh_order: dict[str, tuple[float, float]]
     closed: ComplexArray
     closed_names: tuple[str, ...]
     drift_poles: int
@@ -38,6 +41,9 @@ class RootLocus:
         lines = [f"Root locus of {self.case.name}, {self.drift_poles} neutral drift poles removed by structure"]
         for name, values in (("open-loop pole", self.open_poles), ("zero", self.zeros)):
             lines += [f"  {name:15s} {v.real + 0.0:+.5f} {v.imag + 0.0:+.5f}j rad/s" for v in values if v.imag >= 0.0]
+        for tank, (pole, zero) in self.slosh_order.items():
+            place = "below" if pole < zero else "above"
+            lines.append(f"  {tank}: slosh pole {place} its zero, {pole:.4f} and {zero:.4f} rad/s")
         for v, name in zip(self.closed, self.closed_names, strict=True):
             lines.append(f"  closed-loop     {v.real:+.5f} {v.imag:+.5f}j rad/s  {name}")
         return "\n".join(lines)
@@ -70,14 +76,20 @@ def root_locus(case: Case, damping: Real | None = None, gain: Array | None = Non
     values = closed_loop_eigenvalues(replace(loop, autopilot=pilot))
     start = np.linalg.eigvals(system_matrix(loop, closed=False)[0]).astype(complex)
     poles = open_loop_poles(loop)
-    closed = closed_loop_poles(loop)
+    closed, zeros = closed_loop_poles(loop), loop_zeros(loop)
+    order = {}
+    for tank, pole in zip(poles.tank, poles.value, strict=True):
+        if tank is not None:
+            nearest = zeros[np.argmin(np.abs(zeros - pole))]
+            order[tank] = (float(pole.imag), float(np.abs(nearest.imag)))
     return RootLocus(
         case=case,
         damping=loop.damping,
         gain=gain,
         branch=_followed(start, values),
         open_poles=poles.value,
-        zeros=loop_zeros(loop),
+        zeros=zeros,
+        slosh_order=order,
         closed=closed.value,
         closed_names=closed.name,
         drift_poles=loop.plant.drift_poles,
