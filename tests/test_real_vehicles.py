@@ -243,6 +243,22 @@ def test_one_field_of_air_or_engine_alone_may_be_the_batch(field):
     assert np.abs(together[0] / together[2] - 1).max() > 1e-6  # the field counts
 
 
+def test_a_batch_in_which_only_some_vehicles_feel_the_air_is_refused():
+    """Those that do not have another neutral pole, which would pass for an instability."""
+    case, _ = fleet(85, 1, tanks=1, modes=0, engine=False, air=True)[0]
+    air = case.vehicle.aerodynamics
+    given = {k: getattr(case.vehicle, k) for k in type(case.vehicle).model_fields}
+
+    def felt(slope):
+        return Vehicle(**given | {"aerodynamics": air.model_copy(update={"normal_force_slope": slope})})
+
+    assert without_drift(plant(felt(0.0))).drift_poles == 2
+    assert without_drift(plant(felt(np.array([0.0, 0.0])))).drift_poles == 2
+    assert without_drift(plant(felt(np.array([1e5, 2e5])))).drift_poles == 1
+    with pytest.raises(ValidationError, match="0 for some vehicles of the batch"):
+        felt(np.array([0.0, 1e5]))
+
+
 # ---------------------------------------------------------------- margins
 
 
