@@ -262,6 +262,41 @@ def test_a_batch_in_which_only_some_vehicles_feel_the_air_is_refused():
 # ---------------------------------------------------------------- margins
 
 
+def test_every_minimum_of_the_disc_margin_on_a_dense_grid_is_listed():
+    for case, damping in fleet(86, 60):
+        p = second.second_order(case.vehicle, damping)
+        found = margins(case, damping=damping)
+        size = np.abs(second.poles(p, case.autopilot.model_copy(update={"delay": 0.0})))
+        w = np.geomspace(0.1 * min(t.frequency for t in case.vehicle.tanks), 3 * size.max(), 20001)
+        L = np.concatenate([second.solved(p, case.autopilot, 1j * part)[0] for part in np.array_split(w, 20)])
+        dm = oracle.disc_margin(L)
+        ours, value = found.minima.omega, found.minima.value
+        ours, value = ours[np.isfinite(ours)], value[np.isfinite(ours)]
+        near = value < 4
+        there = oracle.disc_margin(second.solved(p, case.autopilot, 1j * ours[near])[0])
+        np.testing.assert_allclose(value[near], there, rtol=1e-7, atol=1e-9)
+        assert value.min(initial=4.0) <= dm.min() * (1 + 1e-6)  # the static end: one sample for all lower ones
+        valley = np.flatnonzero((dm[1:-1] < dm[:-2]) & (dm[1:-1] < dm[2:]) & (dm[1:-1] < 4)) + 1
+        for k in valley:
+            close = (ours > w[k - 1] * (1 - 1e-9)) & (ours < w[k + 1] * (1 + 1e-9))
+            assert np.any(close & (value <= dm[k] * (1 + 1e-9))), (w[k], dm[k])
+
+
+def test_the_static_gain_margin_of_an_unstable_airframe_counts():
+    """L(0) is finite with air: -20 log10 |L(0)| is how far the gain may fall before the vehicle diverges slowly."""
+    seen = 0
+    for case, damping in fleet(90, 60, engine=False, air=True, delay=False):
+        p = second.second_order(case.vehicle, damping)
+        still = 1e-6 * np.abs(second.poles(p, case.autopilot)).min()
+        L = second.solved(p, case.autopilot, 1j * np.array([still, 10 * still]))[0]
+        static = oracle.disc_margin(L)[0]
+        found = margins(case, damping=damping)
+        # 1e-3: the sample that stands for it lies a hundred times below the slowest pole or zero
+        assert abs(found.nichols_disc_margin) <= static * (1 + 1e-3)
+        seen += static < 3 and L[0].real < 0
+    assert seen > 5
+
+
 # ---------------------------------------------------------------- time domain
 
 
