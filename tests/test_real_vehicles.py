@@ -17,6 +17,7 @@ from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth, uns
 from sloshpy.files import read_case, write_case
 from sloshpy.simulation import simulate
 from sloshpy.stability import margins
+from sloshpy.stability.nichols import loop_zeros
 from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, ModeShape, ModeSlope, SloshMass, Vehicle
 
 # The case file that the format's description prints
@@ -295,6 +296,16 @@ def test_the_static_gain_margin_of_an_unstable_airframe_counts():
         assert abs(found.nichols_disc_margin) <= static * (1 + 1e-3)
         seen += static < 3 and L[0].real < 0
     assert seen > 5
+
+
+def test_the_zeros_of_the_loop_are_the_oracles_with_heavy_engines_too():
+    for engine in (False, True):
+        for case, damping in fleet(91, 20, engine=engine, delay=False):
+            zeros = loop_zeros(open_loop(case, damping=damping))
+            p = second.second_order(case.vehicle, damping)
+            beside = np.abs(second.solved(p, case.autopilot, zeros * 1.01 + 1e-3)[0])
+            # 1e-4: a zero is an eigenvalue, its residual that of rounding times the slope of L there
+            assert np.all(np.abs(second.solved(p, case.autopilot, zeros)[0]) < 1e-4 * beside)
 
 
 # ---------------------------------------------------------------- time domain
