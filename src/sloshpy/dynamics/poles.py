@@ -97,6 +97,7 @@ def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
 
 
 PART = 8.0  # rad of phase lag that one Pade approximation of order 8 carries with a phase error below 1e-3 rad
+MOST_PARTS = 12  # 96 states; a delay longer still, at a gain that no loop survives, is left to the encirclement count
 HEARD = 0.5  # loop gain below which 1 + L does not come near zero, whatever the delay
 
 
@@ -123,7 +124,7 @@ def _delay_parts(loop: Loop) -> int:
     """Return how many parts the delay of a loop, or of the worst of a batch, is approximated in."""
     if not np.any(loop.autopilot.delay):
         return 1
-    return max(1, int(np.ceil(np.max(_reach(loop) * loop.autopilot.delay) / PART)))
+    return int(np.clip(np.ceil(np.max(_reach(loop) * loop.autopilot.delay) / PART), 1, MOST_PARTS))
 
 
 def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
