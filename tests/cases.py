@@ -1,11 +1,12 @@
 """The paper's example and random vehicles, for all tests."""
 
 import numpy as np
+from pydantic import ValidationError
 
 from sloshpy.autopilot import Actuator, Autopilot, Filter
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import ConstantDamping, PowerDamping
-from sloshpy.vehicle import SloshMass, Vehicle
+from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, ModeShape, ModeSlope, SloshMass, Vehicle
 
 PAPER_VEHICLE = {"mass": 1.6e4, "inertia": 9e5, "cg": 6.0, "thrust": 9e5}
 PAPER_TANK = {"name": "LOX", "slosh_mass": 1e3, "station": 9.0, "frequency": 2.0}
@@ -83,3 +84,50 @@ def random_case(rng, tanks=None, *, delay=None, actuator=None, filters=None, lea
             filter=tuple(chosen),
         ),
     ), damping
+
+
+def real_case(rng, tanks=None, modes=None, engine=None, air=None, **parts):
+    """A random case that may also bend, swing heavy engines and fly through air, statically stable or not."""
+    while True:
+        heavy = rng.random() < 0.5 if engine is None else engine
+        actuator = True if heavy else parts.get("actuator")
+        case, damping = random_case(rng, tanks, **parts | {"actuator": actuator})
+        v = case.vehicle
+        r = np.sqrt(v.inertia / v.mass)
+        fastest = max(t.frequency for t in v.tanks)
+
+        def shape(most, r=r):
+            return ModeShape(deflection=rng.uniform(-most, most), slope=rng.uniform(-1, 1) / r)
+
+        count = int(rng.integers(0, 4)) if modes is None else modes
+        bending = tuple(
+            FlexibleMode(
+                name=f"bending {i + 1}",
+                frequency=fastest * rng.uniform(1.3, 4) * (1 + i),
+                damping=10 ** rng.uniform(-2.7, -1.5),
+                generalized_mass=v.mass * 10 ** rng.uniform(-1, 0.5),
+                gimbal=ModeShape(deflection=rng.uniform(-1, 1), slope=rng.uniform(-0.5, 0.5) / r),
+                gyro=ModeSlope(slope=rng.uniform(-0.5, 0.5) / r),
+                rate_gyro=ModeSlope(slope=rng.uniform(-0.5, 0.5) / r) if rng.random() < 0.5 else None,
+                tank={t.name: shape(0.8) for t in v.tanks},
+            )
+            for i in range(count)
+        )
+        flies = rng.random() < 0.5 if air is None else air
+        given = {k: getattr(v, k) for k in type(v).model_fields}
+        S = v.mass * 10 ** rng.uniform(-3, -1.3)  # kg m: a metre of engine with up to a twentieth of the mass
+        given |= {
+            "flexible_modes": bending,
+            "engine": Engine(first_moment=S, inertia=S * rng.uniform(0.5, 3)) if heavy else None,
+            "aerodynamics": Aerodynamics(
+                normal_force_slope=v.thrust * 10 ** rng.uniform(-2, 0),
+                center_of_pressure=v.cg + rng.uniform(-0.7, 1.2) * r,
+                speed=rng.uniform(50, 1500),
+            )
+            if flies
+            else None,
+        }
+        try:
+            return case.model_copy(update={"vehicle": Vehicle(**given)}), damping
+        except ValidationError:  # the mass matrix is indefinite: another one
+            continue

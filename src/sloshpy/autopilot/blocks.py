@@ -70,12 +70,16 @@ def actuator_block(actuator: Actuator) -> Block:
     return Block(kind="actuator", A=A, B=np.array([0.0, w]), C=np.array([1.0, 0.0]), D=np.array(0.0))
 
 
-def series_blocks(autopilot: Autopilot) -> list[Block]:
-    """Return the blocks from the gain's output to the engine angle in signal order; a zero delay is no block."""
+def series_blocks(autopilot: Autopilot, delay_parts: int = 1) -> list[Block]:
+    """Return the blocks from the gain's output to the engine angle in signal order; a zero delay is no block.
+
+    The delay is a chain of so many equal parts, each approximated: the longer the chain, the higher the frequency to
+    which it holds (about 8 radians for each part).
+    """
     blocks = [filter_block(f) for f in autopilot.filter]
     if np.any(np.asarray(autopilot.delay) > 0.0):
         # a batch may hold zero delays: a picosecond is none, and keeps the shape
-        blocks.append(delay_block(np.maximum(autopilot.delay, 1e-12)))
+        blocks += delay_parts * [delay_block(np.maximum(autopilot.delay, 1e-12) / delay_parts)]
     if autopilot.actuator is not None:
         blocks.append(actuator_block(autopilot.actuator))
     return blocks

@@ -9,6 +9,7 @@ from sloshpy.autopilot import series_blocks
 from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import inertial_input, slosh_damping, state_space
+from sloshpy.dynamics.response import transfer
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
     A, B, C = np.zeros((*batch, 0, 0)), np.zeros((*batch, 0)), np.zeros((*batch, 0))
     D = np.broadcast_to(np.asarray(loop.autopilot.gain, dtype=float), batch)
     groups: list[str] = []
-    for i, block in enumerate(series_blocks(loop.autopilot)):
+    for i, block in enumerate(series_blocks(loop.autopilot, _delay_parts(loop))):
         k, old = block.B.shape[-1], A.shape[-1]
         grown = np.zeros((*batch, old + k, old + k))
         grown[..., :old, :old] = A
@@ -93,6 +94,37 @@ def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
         A, D = grown, block.D * D
         groups += [f"{block.kind} {i + 1}" if block.kind == "filter" else block.kind] * k
     return A, B, C, D, groups
+
+
+PART = 8.0  # rad of phase lag that one Pade approximation of order 8 carries with a phase error below 1e-3 rad
+MOST_PARTS = 12  # 96 states; a delay longer still, at a gain that no loop survives, is left to the encirclement count
+HEARD = 0.5  # loop gain below which 1 + L does not come near zero, whatever the delay
+
+
+def _without_delay(loop: Loop) -> Loop:
+    return replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))
+
+
+def _reach(loop: Loop) -> Array:
+    """Return the highest frequency at which the loop gain is above `HEARD`, rad/s, shape of the batch.
+
+    On a grid that holds the natural frequencies of the broken loop, where a resonance is near its peak. In the right
+    half-plane a delay only lessens the gain, so that no unstable pole lies beyond.
+    """
+    prompt = _without_delay(loop)
+    own = np.abs(np.linalg.eigvals(system_matrix(prompt, closed=False)[0]))
+    top, bottom = np.max(own, axis=-1, keepdims=True), np.min(np.where(own > 0.0, own, np.inf), axis=-1, keepdims=True)
+    wide = bottom * (1e3 * top / bottom) ** np.linspace(0.0, 1.0, 60)
+    omega = np.concatenate([np.where(own > 0.0, own, top), wide], axis=-1)
+    gain = np.abs(transfer(prompt.along(), 1j * omega).loop)
+    return np.asarray(np.max(np.where(gain < HEARD, 0.0, omega), axis=-1))
+
+
+def _delay_parts(loop: Loop) -> int:
+    """Return how many parts the delay of a loop, or of the worst of a batch, is approximated in."""
+    if not np.any(loop.autopilot.delay):
+        return 1
+    return int(np.clip(np.ceil(np.max(_reach(loop) * loop.autopilot.delay) / PART), 1, MOST_PARTS))
 
 
 def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
@@ -165,8 +197,8 @@ def polish(loop: Loop, s: ComplexArray, closed: bool = True) -> ComplexArray:
     converged = np.zeros(s.shape, dtype=bool)
     scale = np.maximum(np.abs(s), 1e-3)  # rad/s: a pole closer to the origin than this is judged absolutely
     for _ in range(30):
-        T, dT = characteristic_matrix(loop, s, closed)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):  # far left exp(-s tau) overflows: no root there is ours, and nan says so
+            T, dT = characteristic_matrix(loop, s, closed)
             try:
                 trace = np.trace(np.linalg.solve(T, dT), axis1=-2, axis2=-1)
             except np.linalg.LinAlgError:  # exactly on a root somewhere: leave it by one rounding
@@ -218,8 +250,7 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
         loop: one loop, no batch.
         decades: reach of the path beyond the loop's own frequencies; the winding there is checked to have died out.
     """
-    prompt = replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))  # a delay has no poles
-    scale = np.abs(np.linalg.eigvals(system_matrix(prompt, closed=False)[0]))
+    scale = np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop), closed=False)[0]))  # a delay has no poles
     scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
     degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
     degree += 2 * (loop.autopilot.actuator is not None) - loop.plant.velocity_only
@@ -233,7 +264,9 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
         return np.asarray(sign / reference**degree)
 
     omega = np.concatenate([[low], np.geomspace(low, high, 400), [high]])[1:-1]
-    omega = np.unique(np.concatenate([omega, scale]))
+    tau = float(loop.autopilot.delay)
+    turns = np.arange(low, float(_reach(loop)), 0.5 / tau) if tau else scale  # the delay turns L between samples
+    omega = np.unique(np.concatenate([omega, scale, turns]))
     value = turned(omega)
     for _ in range(60):
         step = np.angle(value[1:] / value[:-1])

@@ -9,7 +9,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import greatest_growth, unstable_count
 from sloshpy.dynamics.response import frequency_sensitivity, transfer
-from sloshpy.stability.nichols import nichols_disc_margin, sampled, valley_samples
+from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, BoolArray, IntArray, Real
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ class Margins:
 
     stable: closed-loop stability by poles, shape of the batch. growth: greatest real part of a pole, 1/s.
     witness: the same by encirclement count, for one loop only (None for a batch); see `trusted`.
-    minima: every local minimum of eq 24, least first. gain_crossings: where |L| = 1, value = phase margin in rad
+    minima: every local minimum of eq 24, least first; with aerodynamics also the curve's static end, where it is one.
+    gain_crossings: where |L| = 1, value = phase margin in rad
     (positive: more lag is needed). phase_crossings: odd multiples of 180 deg, value = gain margin as the ratio 1/|L|,
     within 40 dB.
     groups: names of the shares' last axis: slosh of each tank, bending modes, the rigid body with its controller.
@@ -184,6 +185,11 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     owner = curves.index[k]
     bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
     found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
+    m_omega, m_squared = np.asarray(found.x), np.asarray(found.f_x)
+    if loop.plant.velocity_only:  # the air makes the static gain finite: the curve may be nearest at its start
+        first = _nearest_at_the_start(curves, GM, PM)
+        owner, m_omega = np.append(owner, curves.index[first]), np.append(m_omega, curves.omega[first])
+        m_squared = np.append(m_squared, nichols_disc_margin(curves.loop[first], GM, PM) ** 2)
     ratio = curves.loop[1:] / curves.loop[:-1]
     pairs = curves.pairs()
     log_gain, angle = np.log(np.abs(curves.loop)), np.angle(-curves.loop)
@@ -201,13 +207,12 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     stable = growth < 0.0
     groups = (*loop.plant.groups[loop.plant.first_tank :], RIGID)
     (g_index, g_omega), (p_index, p_omega) = roots
-    m_omega = np.asarray(found.x)
     heard = np.abs(np.log(np.abs(transfer(loop.take(p_index), 1j * p_omega).loop))) < AUDIBLE
     p_index, p_omega = p_index[heard], p_omega[heard]
     at_g = transfer(loop.take(g_index), 1j * g_omega).loop
     at_p = transfer(loop.take(p_index), 1j * p_omega).loop
     parts = (
-        (owner, m_omega, np.sqrt(np.maximum(np.asarray(found.f_x), 0.0)), True),
+        (owner, m_omega, np.sqrt(np.maximum(m_squared, 0.0)), True),
         (g_index, g_omega, np.asarray(np.angle(-at_g), dtype=float), False),
         (p_index, p_omega, 1.0 / np.abs(at_p), False),
     )
@@ -223,6 +228,16 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
         source=loop,
         criteria=criteria,
     )
+
+
+def _nearest_at_the_start(curves: Curves, gain_margin: float, phase_margin: float) -> IntArray:
+    """Return the first sample of each curve that runs away from the critical point from there on.
+
+    It lies a hundred times below the slowest pole or zero and stands for all lower frequencies.
+    """
+    distance = nichols_disc_margin(curves.loop, gain_margin, phase_margin)
+    starts = np.flatnonzero(np.append(True, curves.index[1:] != curves.index[:-1])[:-1])
+    return np.asarray(starts[distance[starts] < distance[starts + 1]])
 
 
 def _shares(loop: Loop, index: IntArray, omega: Array) -> Array:

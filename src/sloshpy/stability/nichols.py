@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.plant import state_space
+from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.dynamics.response import transfer
 from sloshpy.units import Array, BoolArray, ComplexArray, IntArray, Real
@@ -171,7 +171,9 @@ def _placed(loop: Loop) -> tuple[IntArray, Array]:
     size, n = np.abs(p), len(loop.plant.tanks)
     # poles and zeros at the origin place nothing, rounding apart; a stiff actuator does not hide the slow ones
     slow = np.broadcast_to(loop.plant.tank_frequency, (*batch, n)).reshape(-1, n) if n else size
-    own = np.where(size > 1e-4 * np.min(slow, axis=-1, keepdims=True, initial=np.inf), size, np.nan)
+    # with air nothing at the origin is left, and its poles may be slower still
+    least = 1e-7 if loop.plant.velocity_only else 1e-4
+    own = np.where(size > least * np.min(slow, axis=-1, keepdims=True, initial=np.inf), size, np.nan)
     low, high = np.nanmin(own, axis=-1), np.nanmax(own, axis=-1)
     low, high = low * 1e-2, _rolled_off(loop, high * 10.0)
     width = np.maximum(np.abs(p.real), 1e-9 * size)
@@ -196,6 +198,13 @@ def _zeros(loop: Loop) -> ComplexArray:
     A - b c A^r / (c A^(r-1) b) has the zeros and r eigenvalues at the origin; r is 1 with a rate gain, else 2.
     """
     A, b, C = state_space(loop.plant, loop.damping)
+    if np.any(loop.plant.inertial_force):  # the engine's acceleration is the input, its angle and rate are states
+        n = A.shape[-1]
+        A = np.pad(A, [(0, 0)] * (A.ndim - 2) + [(0, 2), (0, 2)])
+        A[..., :n, n], A[..., n, n + 1] = b, 1.0
+        b = np.pad(inertial_input(loop.plant), [(0, 0)] * (loop.plant.mass.ndim - 2) + [(0, 2)])
+        b[..., n + 1] = 1.0
+        C = np.pad(C, [(0, 0)] * (C.ndim - 1) + [(0, 2)])
     a0, a1 = np.asarray(loop.autopilot.attitude_gain)[..., None], np.asarray(loop.autopilot.rate_gain)[..., None]
     batch = loop.batch
     attitude = np.einsum("...j,...jk->...k", C[..., 0, :], A)

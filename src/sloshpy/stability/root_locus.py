@@ -73,8 +73,9 @@ def root_locus(case: Case, damping: Real | None = None, gain: Array | None = Non
     loop = open_loop(case, 0.0 if damping is None else damping)
     gain = np.geomspace(1e-3, 1e2, 401) if gain is None else np.asarray(gain, dtype=float)
     pilot = case.autopilot.model_copy(update={"gain": np.asarray(case.autopilot.gain) * gain})
-    values = closed_loop_eigenvalues(replace(loop, autopilot=pilot))
-    start = np.linalg.eigvals(system_matrix(loop, closed=False)[0]).astype(complex)
+    gained = replace(loop, autopilot=pilot)
+    values = closed_loop_eigenvalues(gained)
+    start = np.linalg.eigvals(system_matrix(gained, closed=False)[0][0]).astype(complex)  # broken: the same at any gain
     poles = open_loop_poles(loop)
     closed, zeros = closed_loop_poles(loop), loop_zeros(loop)
     order = {}

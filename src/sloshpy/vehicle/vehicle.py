@@ -67,6 +67,14 @@ class Vehicle(BaseModel):
                     raise refusal(
                         ("flexible_modes", i, "tank", name), "is no tank of the case", f"one of {', '.join(names)}"
                     )
+        if self.aerodynamics is not None:
+            felt = np.asarray(self.aerodynamics.normal_force_slope) > 0.0
+            if np.any(felt) and not np.all(felt):  # without air Z' is drift too: another set of states
+                raise refusal(
+                    ("aerodynamics", "normal_force_slope"),
+                    "is 0 for some vehicles of the batch",
+                    "put those into a batch of their own",
+                )
         share = 1.0 - self.mass_matrix_margin
         if not np.all(share < 1.0):  # so that an overflow to nan is refused too
             heaviest = int(np.argmax([np.max(tank.slosh_mass) for tank in self.tanks]))
