@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+ROUNDS = 50  # of damping and mode shape; some ten are enough where they agree at all
 NEUTRAL = 1e-9  # growth below this part of the frequency is rounding: an undamped mode that control does not reach
 
 
@@ -30,13 +31,14 @@ class GrowthCurve:
     """One slosh mode followed over its amplitude.
 
     amplitude: (A,), m, of the mode's own tank. pole: (A,), rad/s, sigma + j W; nan where a law has no data.
-    slosh: (A, n_tanks), m, amplitudes of all tanks. tvc: (A,), rad.
+    damping: (A, n_tanks), ratios by each tank's law. slosh: (A, n_tanks), m, amplitudes of all tanks. tvc: (A,), rad.
     """
 
     case: Case
     tank: str
     amplitude: Array
     pole: ComplexArray
+    damping: Array
     slosh: Array
     tvc: Array
 
@@ -101,18 +103,19 @@ def growth_curve(case: Case, tank: int = 0, amplitude: Array | None = None) -> G
     loop = open_loop(case)
     amplitude = _amplitudes(case, tank) if amplitude is None else np.asarray(amplitude, dtype=float)
     last = _start(loop, tank)
-    rows = []
+    modes = []
     for a in amplitude:
-        pole, slosh, tvc = _at(case, loop, tank, float(a), last)
-        rows.append((pole, slosh, tvc))
-        last = last if np.isnan(pole) else pole
+        mode = _at(case, loop, tank, float(a), last)
+        modes.append(mode)
+        last = last if np.isnan(mode.pole) else mode
     return GrowthCurve(
         case=case,
         tank=case.vehicle.tanks[tank].name,
         amplitude=amplitude,
-        pole=np.array([r[0] for r in rows]),
-        slosh=np.array([r[1] for r in rows]),
-        tvc=np.array([r[2] for r in rows]),
+        pole=np.array([mode.pole for mode in modes]),
+        damping=np.array([mode.damping for mode in modes]),
+        slosh=np.array([mode.slosh for mode in modes]),
+        tvc=np.array([mode.tvc for mode in modes]),
     )
 
 
@@ -138,25 +141,39 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     return tuple(found)
 
 
-def _at(case: Case, loop: Loop, tank: int, a: float, pole: complex) -> tuple[complex, Array, float]:
-    """Return pole, slosh amplitudes and engine amplitude of a mode at amplitude a, consistent with every law."""
+@dataclass(frozen=True, kw_only=True)
+class _Mode:
+    """A mode at one amplitude: its pole, the damping of every tank, slosh and engine amplitudes; nan without data."""
+
+    pole: complex
+    damping: Array
+    slosh: Array
+    tvc: float
+
+
+def _at(case: Case, loop: Loop, tank: int, a: float, start: _Mode) -> _Mode:
+    """Return a mode at amplitude a, consistent with every law, from a mode at a neighbouring amplitude."""
     laws = [t.damping for t in case.vehicle.tanks]
     w = loop.plant.tank_frequency
-    xi = loop.damping
-    for step in range(200):
+    nothing = np.full(len(laws), np.nan)
+    pole, xi, step, before = start.pole, start.damping, 1.0, np.inf
+    for _ in range(ROUNDS):
         if np.isnan(pole):
             break
         z = _shape(replace(loop, damping=xi), pole)
         slosh = a * np.abs(z) / np.abs(z[tank])
         wanted = ratios(laws, abs(pole.imag) * slosh / w)
         if np.any(np.isnan(wanted)):
-            return complex(np.nan, np.nan), np.full(len(laws), np.nan), np.nan
-        # half steps: with several tanks the full step can alternate between two states
-        xi = wanted if step == 0 or len(laws) == 1 else 0.5 * (xi + wanted)
-        before, pole = pole, complex(polish(replace(loop, damping=xi), np.array(pole)))
-        if abs(pole - before) < 1e-12 * abs(pole) and np.all(np.abs(xi - wanted) < 1e-12):
-            return pole, slosh, float(a / np.abs(z[tank]))
-    return complex(np.nan, np.nan), np.full(len(laws), np.nan), np.nan
+            break
+        change = float(np.max(np.abs(wanted - xi)))
+        # with several tanks the full step can alternate between two states: halve it where it does not close in
+        step = max(0.5 * step, 0.1) if change > 0.7 * before else step
+        xi, before = xi + step * (wanted - xi), change
+        moved = complex(polish(replace(loop, damping=xi), np.array(pole)))
+        if abs(moved - pole) < 1e-12 * abs(pole) and change < 1e-12:
+            return _Mode(pole=moved, damping=xi, slosh=slosh, tvc=float(a / np.abs(z[tank])))
+        pole = moved
+    return _Mode(pole=complex(np.nan, np.nan), damping=nothing, slosh=nothing, tvc=np.nan)
 
 
 def _shape(loop: Loop, pole: complex) -> ComplexArray:
@@ -176,24 +193,28 @@ def _shape(loop: Loop, pole: complex) -> ComplexArray:
 def _cycle(case: Case, tank: int, curve: GrowthCurve, k: int) -> Cycle:
     from scipy.optimize import brentq  # 0.3 s: only where a limit cycle is there to find
 
-    loop, start = open_loop(case), complex(curve.pole[k])
-    a = brentq(
-        lambda a: _at(case, loop, tank, a, start)[0].real, curve.amplitude[k], curve.amplitude[k + 1], xtol=1e-13
-    )
-    pole, slosh, tvc = _at(case, loop, tank, float(a), start)
+    loop = open_loop(case)
+    start = _Mode(pole=complex(curve.pole[k]), damping=curve.damping[k], slosh=curve.slosh[k], tvc=float(curve.tvc[k]))
+
+    def sigma(a: float) -> float:
+        return _at(case, loop, tank, a, start).pole.real
+
+    a = float(brentq(sigma, curve.amplitude[k], curve.amplitude[k + 1], xtol=1e-13))
+    mode = _at(case, loop, tank, a, start)
     return Cycle(
         tank=curve.tank,
-        omega=pole.imag,
-        slosh_amplitude={t.name: float(A) for t, A in zip(case.vehicle.tanks, slosh, strict=True)},
-        tvc_amplitude=tvc,
+        omega=mode.pole.imag,
+        slosh_amplitude={t.name: float(A) for t, A in zip(case.vehicle.tanks, mode.slosh, strict=True)},
+        tvc_amplitude=mode.tvc,
         stable=bool(curve.growth[k] > 0.0),
     )
 
 
-def _start(loop: Loop, tank: int) -> complex:
-    """Return the tank's closed-loop slosh pole at small amplitude."""
+def _start(loop: Loop, tank: int) -> _Mode:
+    """Return the tank's closed-loop slosh mode at small amplitude."""
     poles = closed_loop_poles(loop)
-    return complex(poles.value[poles.tank.index(loop.plant.tanks[tank])])
+    pole = complex(poles.value[poles.tank.index(loop.plant.tanks[tank])])
+    return _Mode(pole=pole, damping=loop.damping, slosh=np.zeros(len(loop.damping)), tvc=0.0)
 
 
 def _varies(case: Case, tank: int) -> bool:
