@@ -9,7 +9,7 @@ The public names, in reading order; each is loaded when it is first used.
     stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
                  damping_sweep, disc_margin_curve, grid_sweep
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
-    time         simulate, settled_envelope
+    time         simulate, settled_envelope, verify
     review       assess, plot_bode and the other plots, write_report, write_figures
     exchange     to_control, response_to_control, from_control
 """
@@ -48,7 +48,7 @@ _ROOMS = {
         "disc_margin_curve",
     ),
     "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles"),
-    "simulation": ("simulate", "settled_envelope"),
+    "simulation": ("simulate", "settled_envelope", "verify"),
     "assess": ("assess", "Assessment"),
     "plots": (
         "plot_bode",

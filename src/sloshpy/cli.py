@@ -18,7 +18,7 @@ from sloshpy.case import Case
 from sloshpy.errors import InputError, OutsideValidity, Problem
 from sloshpy.files import case_schema, example_names, read_case, write_example
 from sloshpy.limit_cycle import LimitCycle, predict_limit_cycle
-from sloshpy.simulation import simulate
+from sloshpy.simulation import simulate, verify
 from sloshpy.stability import damping_sweep, disc_margin_curve, required_damping_map, root_locus
 from sloshpy.units import Array, UnitError, parse
 
@@ -182,6 +182,14 @@ def simulate_command(
     )
     print(result)
     return _save(plots.plot_time_history(result), path)
+
+
+@app.command(name="verify")
+def verify_command(case: CaseFile) -> int:
+    """Simulate every predicted limit cycle and print predicted, simulated, difference and other harmonics."""
+    found = verify(read_case(case))
+    print("\n".join(str(one) for one in found) if found else "no limit cycle is predicted")
+    return 0
 
 
 @app.command

@@ -3,5 +3,14 @@
 from sloshpy.simulation.degraded import simulate_degraded
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.simulate import TimeHistory, simulate
+from sloshpy.simulation.verify import Verification, verify
 
-__all__ = ["Envelope", "TimeHistory", "settled_envelope", "simulate", "simulate_degraded"]
+__all__ = [
+    "Envelope",
+    "TimeHistory",
+    "Verification",
+    "settled_envelope",
+    "simulate",
+    "simulate_degraded",
+    "verify",
+]
