@@ -165,15 +165,57 @@ def margins(case: Case, damping: Real | None = None, amplitude: Real | None = No
     return loop_margins(open_loop(case, damping, amplitude), case.criteria)
 
 
-def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
-    """Return the margins of a loop or of a batch of loops; see `margins`."""
+def loop_margins(loop: Loop, criteria: Criteria, crossings: bool = True) -> Margins:
+    """Return the margins of a loop or of a batch of loops; see `margins`.
+
+    Args:
+        loop: one loop or a batch.
+        criteria: gain and phase margin of eq 24.
+        crossings: find gain and phase crossings too, not the minima alone.
+    """
+    curves = sampled(loop, criteria.gain_margin, criteria.phase_margin)
+    batch, growth = loop.batch, greatest_growth(loop)
+    lists = [(*_minima(loop, curves, criteria), True)]
+    for found in _crossings(loop, curves) if crossings else ((np.zeros(0, dtype=int), np.zeros(0), np.zeros(0)),) * 2:
+        lists.append((*found, False))
+    points = [_padded(batch, i, w, v, _shares(loop, i, w), by_value) for i, w, v, by_value in lists]
+    return Margins(
+        stable=growth < 0.0,
+        growth=growth,
+        witness=None if batch else unstable_count(loop) == 0,
+        minima=points[0],
+        gain_crossings=points[1],
+        phase_crossings=points[2],
+        groups=(*loop.plant.groups[loop.plant.first_tank :], RIGID),
+        source=loop,
+        criteria=criteria,
+    )
+
+
+def _minima(loop: Loop, curves: Curves, criteria: Criteria) -> tuple[IntArray, Array, Array]:
+    """Return loop, frequency and value of every local minimum of eq 24, each refined in its bracket."""
     from scipy.optimize import elementwise  # 0.4 s: only when margins are wanted
 
     GM, PM = criteria.gain_margin, criteria.phase_margin
-    curves = sampled(loop, GM, PM)
 
     def squared(omega: Array, index: IntArray) -> Array:
         return nichols_disc_margin(transfer(loop.take(index), 1j * omega).loop, GM, PM) ** 2
+
+    k = np.flatnonzero(valley_samples(nichols_disc_margin(curves.loop, GM, PM), curves.index))
+    owner = curves.index[k]
+    bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
+    found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
+    omega, value = np.asarray(found.x), np.asarray(found.f_x)
+    if loop.plant.velocity_only:  # the air makes the static gain finite: the curve may be nearest at its start
+        first = _nearest_at_the_start(curves, GM, PM)
+        owner, omega = np.append(owner, curves.index[first]), np.append(omega, curves.omega[first])
+        value = np.append(value, nichols_disc_margin(curves.loop[first], GM, PM) ** 2)
+    return owner, omega, np.sqrt(np.maximum(value, 0.0))
+
+
+def _crossings(loop: Loop, curves: Curves) -> list[tuple[IntArray, Array, Array]]:
+    """Return loop, frequency and margin of every gain crossing (rad) and of every phase crossing (ratio)."""
+    from scipy.optimize import elementwise  # as above
 
     def gain(omega: Array, index: IntArray) -> Array:
         return np.log(np.abs(transfer(loop.take(index), 1j * omega).loop))
@@ -181,53 +223,21 @@ def loop_margins(loop: Loop, criteria: Criteria) -> Margins:
     def phase(omega: Array, index: IntArray) -> Array:
         return np.asarray(np.angle(-transfer(loop.take(index), 1j * omega).loop), dtype=float)
 
-    k = np.flatnonzero(valley_samples(nichols_disc_margin(curves.loop, GM, PM), curves.index))
-    owner = curves.index[k]
-    bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
-    found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
-    m_omega, m_squared = np.asarray(found.x), np.asarray(found.f_x)
-    if loop.plant.velocity_only:  # the air makes the static gain finite: the curve may be nearest at its start
-        first = _nearest_at_the_start(curves, GM, PM)
-        owner, m_omega = np.append(owner, curves.index[first]), np.append(m_omega, curves.omega[first])
-        m_squared = np.append(m_squared, nichols_disc_margin(curves.loop[first], GM, PM) ** 2)
-    ratio = curves.loop[1:] / curves.loop[:-1]
     pairs = curves.pairs()
     log_gain, angle = np.log(np.abs(curves.loop)), np.angle(-curves.loop)
     at_gain = pairs[log_gain[pairs] * log_gain[pairs + 1] <= 0.0]
-    turned = angle[pairs] * angle[pairs + 1] <= 0.0
-    at_phase = pairs[turned & (np.abs(angle[pairs + 1] - angle[pairs]) < np.pi) & np.isfinite(ratio[pairs])]
-    roots = []
-    for function, at in ((gain, at_gain), (phase, at_phase)):
-        root = elementwise.find_root(
-            function, (curves.omega[at], curves.omega[at + 1]), args=(curves.index[at],), tolerances={"xrtol": 1e-14}
-        )
-        roots.append((curves.index[at], np.asarray(root.x)))
-    batch = loop.batch
-    growth = greatest_growth(loop)
-    stable = growth < 0.0
-    groups = (*loop.plant.groups[loop.plant.first_tank :], RIGID)
-    (g_index, g_omega), (p_index, p_omega) = roots
-    heard = np.abs(np.log(np.abs(transfer(loop.take(p_index), 1j * p_omega).loop))) < AUDIBLE
-    p_index, p_omega = p_index[heard], p_omega[heard]
-    at_g = transfer(loop.take(g_index), 1j * g_omega).loop
-    at_p = transfer(loop.take(p_index), 1j * p_omega).loop
-    parts = (
-        (owner, m_omega, np.sqrt(np.maximum(m_squared, 0.0)), True),
-        (g_index, g_omega, np.asarray(np.angle(-at_g), dtype=float), False),
-        (p_index, p_omega, 1.0 / np.abs(at_p), False),
-    )
-    points = [_padded(batch, i, w, v, _shares(loop, i, w), by_value) for i, w, v, by_value in parts]
-    return Margins(
-        stable=stable,
-        growth=growth,
-        witness=None if batch else unstable_count(loop) == 0,
-        minima=points[0],
-        gain_crossings=points[1],
-        phase_crossings=points[2],
-        groups=groups,
-        source=loop,
-        criteria=criteria,
-    )
+    turned = (angle[pairs] * angle[pairs + 1] <= 0.0) & (np.abs(angle[pairs + 1] - angle[pairs]) < np.pi)
+    found = []
+    for function, at in ((gain, at_gain), (phase, pairs[turned])):
+        index, ends = curves.index[at], (curves.omega[at], curves.omega[at + 1])
+        omega = np.asarray(elementwise.find_root(function, ends, args=(index,), tolerances={"xrtol": 1e-14}).x)
+        L = transfer(loop.take(index), 1j * omega).loop
+        if function is gain:
+            found.append((index, omega, np.asarray(np.angle(-L), dtype=float)))
+        else:
+            heard = np.abs(np.log(np.abs(L))) < AUDIBLE
+            found.append((index[heard], omega[heard], 1.0 / np.abs(L[heard])))
+    return found
 
 
 def _nearest_at_the_start(curves: Curves, gain_margin: float, phase_margin: float) -> IntArray:

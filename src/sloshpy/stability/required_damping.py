@@ -95,13 +95,19 @@ def loop_required_damping(
     def shortfall(ratio: Array, index: IntArray) -> tuple[Array, Array]:
         """Return how far each loop is from stability (growth) and from the threshold (positive: short of it)."""
         one = _with_ratio(loop, index, tank, ratio)
-        found = loop_margins(one.along(), criteria)
+        found = loop_margins(one.along(), criteria, crossings=False)
         margin = np.abs(found.slosh_disc_margin(tank)[0][..., 0])  # stability is judged by the growth
         return found.growth[..., 0], np.asarray(disc_margin - margin)
 
     axis = NEUTRAL * float(np.max(loop.plant.tank_frequency))  # a neutral pole, which rounding moves, does not grow
+    every = np.arange(size)
+    if np.all(greatest_growth(_with_ratio(loop, every, tank, np.full(size, MOST_RATIO))) >= axis):
+        none = np.full(batch, np.nan)  # unstable however much this tank is damped: no need to search
+        return RequiredDamping(
+            tank=loop.plant.tanks[tank], neutral=none, required=none, omega=none, disc_margin=disc_margin, source=loop
+        )
     grid = np.concatenate([[0.0], np.geomspace(1e-5, MOST_RATIO, levels - 1)])
-    index, ratio = (x.ravel() for x in np.meshgrid(np.arange(size), grid, indexing="ij"))
+    index, ratio = (x.ravel() for x in np.meshgrid(every, grid, indexing="ij"))
     growth, short = (x.reshape(size, levels) for x in shortfall(ratio, index))
 
     def growing(ratio: Array, index: IntArray) -> Array:
@@ -117,7 +123,7 @@ def loop_required_damping(
     known = np.flatnonzero(np.isfinite(required))
     if len(known):
         one = _with_ratio(loop, known, tank, required[known])
-        omega[known] = loop_margins(one.along(), criteria).slosh_disc_margin(tank)[1][..., 0]
+        omega[known] = loop_margins(one.along(), criteria, crossings=False).slosh_disc_margin(tank)[1][..., 0]
     return RequiredDamping(
         tank=loop.plant.tanks[tank],
         neutral=neutral.reshape(batch),
@@ -151,7 +157,7 @@ def joint_damping(case: Case) -> Array:
         return np.minimum(np.stack(columns, axis=-1), MOST_RATIO)
 
     def lacking(damping: Array) -> Array:
-        found = loop_margins(open_loop(case, damping), case.criteria)
+        found = loop_margins(open_loop(case, damping), case.criteria, crossings=False)
         own = np.any([found.related(j) for j in range(len(laws))], axis=0)
         least = np.min(np.where(own, found.minima.value, np.inf), axis=-1)
         short = np.where(np.isinf(least), -1.0, case.criteria.disc_margin - least)
