@@ -1,5 +1,6 @@
 """The whole review of one case: margins, danger zone, required damping, limit cycles, and one verdict with reasons."""
 
+import functools
 import json
 import math
 from dataclasses import dataclass
@@ -33,8 +34,7 @@ HEAVY_SLOSH = 0.05  # mass-matrix margin below which the slosh model itself is d
 class TankReview:
     """What was found for one tank; angles in rad, lengths in m, frequencies in rad/s.
 
-    damping_ratio: at which the loop was read. required: neutral and required damping with the other tanks at their
-    small amplitude; that of the limit cycle has them where all tanks meet the margin together.
+    damping_ratio: at which the loop was read. limit_cycle: with the other tanks where all meet the margin together.
     disc_margin, omega: the tank's own, signed; inf and nan where no minimum of the disc margin belongs to it.
     """
 
@@ -43,8 +43,13 @@ class TankReview:
     disc_margin: float
     omega: float
     zone: DangerZone
-    required: RequiredDamping
     limit_cycle: LimitCycle
+
+    @functools.cached_property
+    def required(self) -> RequiredDamping:
+        """Neutral and required damping with the other tanks at small amplitude; found when first asked for."""
+        case = self.limit_cycle.case
+        return self.limit_cycle.required if len(case.vehicle.tanks) == 1 else required_damping(case, self.name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +217,6 @@ def _review(case: Case, tank: int, damping: Array, found: Margins, others: Array
         disc_margin=float(margin),
         omega=float(omega),
         zone=danger_zone(case, tank),
-        required=cycle.required if len(others) == 1 else required_damping(case, tank),
         limit_cycle=cycle,
     )
 

@@ -107,7 +107,7 @@ def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFig
     rows: list[tuple[str, str, str, str, Callable[[], Drawn], str]] = [
         ("", "Danger zone", "danger_zone", "Damping the tank would need at each station, and the closed-form danger "
          "zone (eqs 22 and 23); the dot is the tank where it is.",
-         lambda: plot_danger_zone(required_damping_map(case, j)), untrusted),
+         lambda: plot_danger_zone(required_damping_map(case, j, others=required.source.damping)), untrusted),
         ("5", "Bode diagram", "bode", "Open loop, broken at the engine command, at several dampings of this tank.",
          lambda: plot_bode(sweep()), ""),
         ("6", "Nichols diagram", "nichols", "The open loop about the critical point (+); a curve through the grey disc "

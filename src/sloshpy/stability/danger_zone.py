@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_LEAD = np.radians(10.0)  # below this lead the zone shrinks to nothing and then inverts
-MAP_LEVELS = 33  # damping values scanned at each station
+MAP_LEVELS = 25  # damping values scanned at each station, in steps of 1.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,13 +153,17 @@ class RequiredDampingMap:
         )
 
 
-def required_damping_map(case: Case, tank: int = 0, station: Array | None = None) -> RequiredDampingMap:
+def required_damping_map(
+    case: Case, tank: int = 0, station: Array | None = None, others: Array | None = None
+) -> RequiredDampingMap:
     """Return the required damping and the departure of a tank's slosh mode as its station moves, any autopilot.
 
     Args:
         case: one vehicle and autopilot, no batch.
         tank: number of the tank to move.
-        station: stations in m forward of the gimbal; default: 41 across the closed-form zone and beyond.
+        station: stations in m forward of the gimbal; default: 41, or 21 for a large vehicle, across the closed-form
+            zone and beyond.
+        others: damping ratios at which the other tanks are held; default: see `joint_damping`.
     """
     v, zone = case.vehicle, danger_zone(case, tank)
     moved = v.tanks[tank]
@@ -168,7 +172,8 @@ def required_damping_map(case: Case, tank: int = 0, station: Array | None = None
             0.9 * (1.0 - float(moved.slosh_mass) / float(v.mass)) * float(v.inertia) / float(moved.slosh_mass)
         )
         aft, forward = (float(np.clip(1.2 * l, -reach, reach)) for l in (zone.aft, zone.forward))
-        station = np.unique(np.append(np.linspace(float(v.cg) - aft, float(v.cg) - forward, 41), moved.station))
+        count = 41 if len(v.tanks) + len(v.flexible_modes) < 3 else 21  # a large vehicle costs more at each
+        station = np.unique(np.append(np.linspace(float(v.cg) - aft, float(v.cg) - forward, count), moved.station))
     station = np.asarray(station, dtype=float)
     tanks = [t.model_copy(update={"station": station}) if j == tank else t for j, t in enumerate(v.tanks)]
     moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
@@ -176,7 +181,8 @@ def required_damping_map(case: Case, tank: int = 0, station: Array | None = None
         raise OutsideValidity(
             "a station is so far from the c.g. that the mass matrix is indefinite; give nearer stations"
         )
-    loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}), joint_damping(case))
+    held = joint_damping(case) if others is None else others
+    loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}), held)
     needed = loop_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
     return RequiredDampingMap(
         case=case,

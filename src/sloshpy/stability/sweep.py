@@ -172,7 +172,7 @@ def damping_sweep(
     xi = np.unique(telling_dampings(needed) if damping is None else damping)
     if not np.all(xi > 0.0):
         raise ValueError("a swept damping must be > 0: the response of an undamped slosh mass is infinite")
-    loop = _swept(case, tank, xi)
+    loop = _swept(case, tank, xi, needed)
     return DampingSweep(
         case=case,
         tank=tank,
@@ -210,7 +210,7 @@ def disc_margin_curve(
         marks = marks[np.isfinite(marks)]
         most = 2.0 * np.max(marks, initial=0.0) or 2.0 * USUAL[-1]
         damping = np.unique(np.concatenate([np.linspace(0.0, most, 81), marks]))
-    found = loop_margins(_swept(case, tank, np.asarray(damping, dtype=float)), case.criteria)
+    found = loop_margins(_swept(case, tank, np.asarray(damping, dtype=float), needed), case.criteria, crossings=False)
     return DiscMarginCurve(
         case=case,
         damping=np.asarray(damping, dtype=float),
@@ -224,9 +224,9 @@ def _needed(case: Case, tank: int) -> RequiredDamping:
     return loop_required_damping(open_loop(case, joint_damping(case)), case.criteria, tank, case.criteria.disc_margin)
 
 
-def _swept(case: Case, tank: int, ratio: Array) -> Loop:
+def _swept(case: Case, tank: int, ratio: Array, needed: RequiredDamping) -> Loop:
     """Return a batch of loops, one for each damping of one tank."""
-    own = joint_damping(case)
+    own = needed.source.damping  # where the requirement held the other tanks
     return open_loop(case, damping=np.where(np.arange(len(own)) == tank, ratio[:, None], own))
 
 
