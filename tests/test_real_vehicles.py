@@ -119,7 +119,8 @@ def test_the_stability_verdict_and_the_count_of_unstable_poles_agree_on_2000_veh
         growth = np.nanmax(values.real)
         # within this of the axis the rounding of an eigenvalue decides; with this seed none is
         assert abs(growth) > 1e-9
-        assert growth == greatest_growth(loop)
+        # 1e-9: both stop within 1e-12 of the root, after different numbers of Newton steps
+        assert growth == pytest.approx(float(greatest_growth(loop)), rel=1e-9, abs=1e-11)
         assert (growth < 0) == second.stable(p, case.autopilot), k
         assert np.sum(values[np.isfinite(values)].real > 0) == unstable_count(loop), k
         unstable += growth > 0

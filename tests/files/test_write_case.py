@@ -95,16 +95,16 @@ def test_a_folder_that_is_missing_and_a_batch_are_refused(tmp_path: Path) -> Non
 
 
 def test_the_examples_are_copied_and_never_over_a_file(tmp_path: Path) -> None:
-    assert example_names() == ["upper_stage", "upper_stage_printed_alpha"]
+    assert {"upper_stage", "upper_stage_printed_alpha"} <= set(example_names())
     for name in example_names():
         path = write_example(name, tmp_path)
         assert path == tmp_path / f"{name}.toml"
-        assert read_case(path).vehicle.mass == 16000.0
+        assert read_case(path).source.file == f"{name}.toml"
     path.write_text("mine")
     with pytest.raises(InputError, match="is there already"):
         write_example(name, tmp_path)
     assert path.read_text() == "mine"
-    with pytest.raises(InputError, match="example: uper_stage; is none of upper_stage, upper_stage_printed_alpha"):
+    with pytest.raises(InputError, match="example: uper_stage; is none of .*upper_stage, upper_stage_printed_alpha"):
         write_example("uper_stage", tmp_path)
     with pytest.raises(InputError, match="does not exist"):
         write_example("upper_stage", tmp_path / "no")

@@ -8,6 +8,7 @@ import numpy as np
 from sloshpy.autopilot.autopilot import Actuator, Autopilot, Filter
 from sloshpy.units import Array
 
+LEAST_DELAY = 1e-5  # s, of the approximation only: the exact delay is what poles are polished on
 PADE_ORDER = 8  # orders 1 to 4 give wrong verdicts with bending modes; from 6 on none was found
 
 
@@ -78,8 +79,8 @@ def series_blocks(autopilot: Autopilot, delay_parts: int = 1) -> list[Block]:
     """
     blocks = [filter_block(f) for f in autopilot.filter]
     if np.any(np.asarray(autopilot.delay) > 0.0):
-        # a batch may hold zero delays: a picosecond is none, and keeps the shape
-        blocks += delay_parts * [delay_block(np.maximum(autopilot.delay, 1e-12) / delay_parts)]
+        # a batch may hold zero delays: a start is wanted there too, and entries that leave the eigenvalues their digits
+        blocks += delay_parts * [delay_block(np.maximum(autopilot.delay, LEAST_DELAY) / delay_parts)]
     if autopilot.actuator is not None:
         blocks.append(actuator_block(autopilot.actuator))
     return blocks

@@ -58,7 +58,8 @@ class Poles:
             hertz = p.imag / (2.0 * np.pi)
             lines.append(f"  {name:20s} {hertz:9.4f} {p.imag:9.4f} {100 * ratio:8.3f} % {p.real:+11.5f}{grows}")
         if self.drift_poles:
-            lines.append(f"  {self.drift_poles} neutral drift poles removed by structure")
+            poles = "poles" if self.drift_poles > 1 else "pole"
+            lines.append(f"  {self.drift_poles} neutral drift {poles} removed by structure")
         return "\n".join(lines)
 
     def to_dataset(self) -> "xr.Dataset":
@@ -202,9 +203,12 @@ def polish(loop: Loop, s: ComplexArray, closed: bool = True) -> ComplexArray:
             T, dT = characteristic_matrix(loop, s, closed)
             try:
                 trace = np.trace(np.linalg.solve(T, dT), axis1=-2, axis2=-1)
-            except np.linalg.LinAlgError:  # exactly on a root somewhere: leave it by one rounding
-                s = s * (1.0 + 4e-16) + 1e-300
-                continue
+            except np.linalg.LinAlgError:  # some stand exactly on a root: they are done, the rest goes on
+                on = np.linalg.det(T) == 0.0
+                converged |= on
+                trace = np.trace(
+                    np.linalg.solve(np.where(on[..., None, None], np.eye(T.shape[-1]), T), dT), axis1=-2, axis2=-1
+                )
             step = np.where(converged, 0.0, 1.0 / trace)
         step = np.where(np.isfinite(step), step, np.nan)
         size = np.abs(step) / scale
@@ -243,7 +247,8 @@ def greatest_growth(loop: Loop) -> Array:
     values = np.linalg.eigvals(A).astype(complex)
     growth = values.real.copy()
     if "delay" in groups:
-        near = growth > -NEAR_AXIS * np.abs(values)
+        rank = np.argsort(np.argsort(-growth, axis=-1), axis=-1)
+        near = (growth > -NEAR_AXIS * np.abs(values)) | (rank < 6)  # the rightmost ones wherever they are
         owner = np.broadcast_to(np.arange(int(np.prod(loop.batch))).reshape(*loop.batch, 1), values.shape)[near]
         polished = polish(loop.take(owner), values[near]).real
         growth[near] = np.where(np.isnan(polished), -np.inf, polished)

@@ -107,7 +107,7 @@ def mode_table(assessment: Assessment) -> Table:
             )
         )
     head = ("Mode", "Frequency [Hz]", "[rad/s]", "Damping [%]", "Growth [1/s]", "")
-    note = f"{p.drift_poles} neutral drift poles are removed by structure: the loop neither sees nor moves them."
+    note = f"Neutral drift poles removed by structure, since the loop neither sees nor moves them: {p.drift_poles}."
     return Table(title=f"Closed-loop modes ({assessment.read_at})", head=head, rows=rows, note=note)
 
 
