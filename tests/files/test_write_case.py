@@ -104,7 +104,7 @@ def test_the_examples_are_copied_and_never_over_a_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is there already"):
         write_example(name, tmp_path)
     assert path.read_text() == "mine"
-    with pytest.raises(InputError, match="example: uper_stage; is none of .*upper_stage, upper_stage_printed_alpha"):
+    with pytest.raises(InputError, match=r"example: uper_stage; is none of .*upper_stage, upper_stage_printed_alpha"):
         write_example("uper_stage", tmp_path)
     with pytest.raises(InputError, match="does not exist"):
         write_example("upper_stage", tmp_path / "no")
