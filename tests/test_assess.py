@@ -37,6 +37,7 @@ CYCLE = {
     "frequency_hz",
     "tvc_limit_rad",
     "acceptable",
+    "coupled",
 }
 
 

@@ -112,3 +112,10 @@ def test_undamped_modes_that_control_does_not_reach_are_not_counted_as_growing()
 def test_an_undamped_loop_is_sampled_without_meeting_its_own_pole():
     found = margins(paper_case(xi(0.0), rate_gain=0.0))
     assert np.isfinite(found.nichols_disc_margin)
+
+
+def test_a_loop_that_runs_along_minus_180_degrees_lists_no_rounding_as_crossings():
+    found = margins(paper_case(rate_gain=0.0), 0.02)
+    assert np.sum(np.isfinite(found.phase_crossings.omega)) <= 4
+    neutral = closed_loop_poles(open_loop(paper_case(rate_gain=0.0), 0.0))
+    assert not np.any(np.isfinite(neutral.time_to_double))

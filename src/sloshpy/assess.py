@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sloshpy.case import Case
-from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
+from sloshpy.dynamics import Poles, closed_loop_poles, open_loop, single
+from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import Cycle, LimitCycle, limit_cycles, predict_limit_cycle
 from sloshpy.stability import (
@@ -21,7 +22,7 @@ from sloshpy.stability import (
     loop_margins,
     required_damping,
 )
-from sloshpy.stability.margins import NEUTRAL, in_unit
+from sloshpy.stability.margins import in_unit
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Assessment:
     @property
     def worst_tvc_amplitude(self) -> float:
         """Greatest engine amplitude of the tanks' limit cycles, rad; nan where no number is supported for one."""
-        amplitudes = [t.limit_cycle.tvc_amplitude[1] for t in self.tanks if t.limit_cycle.band.size]
+        amplitudes = [t.limit_cycle.worst_tvc_amplitude for t in self.tanks if t.limit_cycle.band.size]
         return float(np.max(amplitudes)) if amplitudes else 0.0
 
     def __str__(self) -> str:
@@ -148,15 +149,7 @@ class Assessment:
             }
         cycles = None
         if self.cycles is not None:
-            cycles = [
-                {
-                    "frequency_hz": cycle.omega / hertz,
-                    "slosh_amplitude_m": cycle.slosh_amplitude,
-                    "tvc_amplitude_rad": cycle.tvc_amplitude,
-                    "stable": cycle.stable,
-                }
-                for cycle in self.cycles
-            ]
+            cycles = [_cycle(cycle) for cycle in self.cycles]
         head = {"name": self.case.name, "verdict": self.verdict, "reasons": list(self.reasons)}
         tanks = [_tank(tank, m.trusted) for tank in self.tanks]
         return head | loop | {"tanks": tanks, "limit_cycles": cycles}
@@ -182,6 +175,7 @@ def assess(case: Case, damping: Real | None = None, amplitude: Real | None = Non
     Raises:
         OutsideValidity: an amplitude beyond a tank's damping data, where the loop has no known damping.
     """
+    single(case, "assess")
     if not case.vehicle.tanks:
         raise ValueError("no tank: there is no slosh to assess")
     loop = open_loop(case, damping, amplitude)
@@ -261,11 +255,11 @@ def _verdict(
         cycle = tank.limit_cycle
         target = {None: invalid, False: failed, True: met}[cycle.acceptable]
         if np.isfinite(cycle.tvc_amplitude[1]) and cycle.acceptable is not None:
-            worst, limit = np.degrees(cycle.tvc_amplitude[1]), np.degrees(cycle.tvc_limit)
+            worst, limit = np.degrees(cycle.worst_tvc_amplitude), np.degrees(cycle.tvc_limit)
             sign = "<=" if worst <= limit else ">"
             target.append(
-                f"{tank.name}: degraded by its whole margin it cycles with {cycle.slosh_amplitude:.4g} m of slosh and "
-                f"{worst:.3f} deg of engine, {sign} {limit:.3g} deg"
+                f"{tank.name}: degraded by its whole margin it cycles with {cycle.worst_slosh_amplitude:.4g} m of "
+                f"slosh and {worst:.3f} deg of engine, {sign} {limit:.3g} deg"
             )
             cautions += [f"{tank.name}: {reason}" for reason in cycle.reasons]
         else:
@@ -347,7 +341,17 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:
             "frequency_hz": c.omega / hertz,
             "tvc_limit_rad": c.tvc_limit,
             "acceptable": c.acceptable,
+            "coupled": [_cycle(cycle) for cycle in c.coupled],
         },
+    }
+
+
+def _cycle(cycle: Cycle) -> dict[str, Any]:
+    return {
+        "frequency_hz": cycle.omega / (2.0 * np.pi),
+        "slosh_amplitude_m": cycle.slosh_amplitude,
+        "tvc_amplitude_rad": cycle.tvc_amplitude,
+        "stable": cycle.stable,
     }
 
 

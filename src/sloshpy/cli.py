@@ -187,7 +187,12 @@ def simulate_command(
 @app.command(name="verify")
 def verify_command(case: CaseFile) -> int:
     """Simulate every predicted limit cycle and print predicted, simulated, difference and other harmonics."""
-    found = verify(read_case(case))
+    read = read_case(case)
+    try:
+        found = verify(read)
+    except OutsideValidity as error:
+        print(f"nothing to verify: {error}")
+        return 1
     print("\n".join(str(one) for one in found) if found else "no limit cycle is predicted")
     return 0
 
@@ -253,7 +258,9 @@ def _figure(case: Path, output: Path | None, name: str) -> Path:
 
 def _writable(case: Path, path: Path, suffixes: set[str]) -> None:
     """Refuse a file that cannot be written, or must not be: of another format, in no folder, the case itself."""
-    if path.suffix.lower() not in suffixes or path.is_dir():
+    if path.is_dir():
+        raise _refused("output", path, "is a folder", "name a file in it")
+    if path.suffix.lower() not in suffixes:
         raise _refused("output", path, f"must end in {', '.join(sorted(suffixes))}", "name a file of that format")
     if not path.parent.is_dir():
         raise _refused("output", path, "has no folder to stand in", "make the folder first")

@@ -48,8 +48,8 @@ class Poles:
     @property
     def time_to_double(self) -> Array:
         """ln 2 / Re s in s; inf where the mode does not grow."""
-        growth = self.value.real
-        return np.asarray(np.where(growth > 0.0, np.log(2.0) / np.where(growth > 0.0, growth, 1.0), np.inf))
+        grows = self.value.real > NEUTRAL * np.abs(self.value)  # rounding of a neutral pole is no growth
+        return np.asarray(np.where(grows, np.log(2.0) / np.where(grows, self.value.real, 1.0), np.inf))
 
     def __str__(self) -> str:
         lines = [f"  {'mode':20s} {'Hz':>9s} {'rad/s':>9s} {'damping':>10s} {'growth 1/s':>11s}"]
@@ -99,6 +99,7 @@ def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
 
 PART = 8.0  # rad of phase lag that one Pade approximation of order 8 carries with a phase error below 1e-3 rad
 MOST_PARTS = 12  # 96 states; a delay longer still, at a gain that no loop survives, is left to the encirclement count
+NEUTRAL = 1e-9  # growth below this part of the frequency is rounding
 NEAR_AXIS = 0.1  # damping ratio: a phase error of 1e-3 rad moves a pole by a hundredth of that
 HEARD = 0.5  # loop gain below which 1 + L does not come near zero, whatever the delay
 

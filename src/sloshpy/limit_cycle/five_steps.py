@@ -14,6 +14,8 @@ from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.poles import closed_loop_poles, greatest_growth
 from sloshpy.dynamics.response import transfer
+from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle.growth import Cycle, limit_cycles
 from sloshpy.stability.margins import loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping
@@ -40,7 +42,9 @@ class LimitCycle:
     gain, delay: the degradation that makes the loop neutral at omega: amplitude ratio and s.
     degraded_growth: greatest growth of the loop so degraded at the required damping, 1/s, 0 but for rounding; nan for a
     negative delay, which is a phase advance.
-    acceptable: greatest engine amplitude within the limit; None where no number is supported.
+    coupled: of several tanks, the cycles of the loop so degraded with every tank at its own amplitude; the five steps
+    hold the other tanks at their damping instead, which may be too little for one tank and too much for another.
+    acceptable: greatest engine amplitude, of both, within the limit; None where no number is supported.
     band_omega, band_tvc, paper_band_tvc: samples of the engine amplitude over the band, for figures.
     """
 
@@ -56,12 +60,23 @@ class LimitCycle:
     gain: float
     delay: float
     degraded_growth: float
+    coupled: tuple[Cycle, ...]
     tvc_limit: float
     acceptable: bool | None
     reasons: tuple[str, ...]
     band_omega: Array
     band_tvc: Array
     paper_band_tvc: Array
+
+    @property
+    def worst_tvc_amplitude(self) -> float:
+        """Greatest engine amplitude of the five steps and of the coupled cycles, rad."""
+        return max([float(self.tvc_amplitude[1]), *(c.tvc_amplitude for c in self.coupled if c.stable)])
+
+    @property
+    def worst_slosh_amplitude(self) -> float:
+        """Greatest slosh amplitude of this tank likewise, m."""
+        return max([self.slosh_amplitude, *(c.slosh_amplitude[self.tank] for c in self.coupled if c.stable)])
 
     @property
     def gain_db(self) -> float:
@@ -104,6 +119,7 @@ class LimitCycle:
             f"  required damping {100 * float(self.required.required):.4f} %{self._held}; neutral after "
             f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms{self._checked}",
         ]
+        lines += [f"  all tanks coupled: {cycle}" for cycle in self.coupled]
         return "\n".join(lines)
 
     def to_dataset(self) -> "xr.Dataset":
@@ -167,13 +183,19 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
     paper_tvc, tvc = amplitude / gain, amplitude * w / samples / gain  # step 4
     extremes = _extremes(threshold, tank, samples, tvc, amplitude * w, 1)
     consistent = amplitude * w / omega
-    unsupported = _unsupported(case, tank, xi, consistent, float(np.max(samples)), float(extremes[1]))
-    acceptable: bool | None = bool(extremes[1] <= criteria.tvc_amplitude)  # step 5
     L = complex(transfer(threshold, np.array(1j * omega)).loop)
     gain_to_neutral, delay = 1.0 / abs(L), float(np.angle(-L)) / omega
-    degraded = np.nan
+    degraded, unpredicted = np.nan, ""
+    coupled: tuple[Cycle, ...] = ()
     if delay + float(case.autopilot.delay) >= 0.0:
-        degraded = float(greatest_growth(replace(threshold, autopilot=case.autopilot.degraded(gain_to_neutral, delay))))
+        autopilot = case.autopilot.degraded(gain_to_neutral, delay)
+        degraded = float(greatest_growth(replace(threshold, autopilot=autopilot)))
+        coupled, unpredicted = _coupled(case.model_copy(update={"autopilot": autopilot}))
+    stable = [cycle for cycle in coupled if cycle.stable]
+    worst = max([float(extremes[1]), *(cycle.tvc_amplitude for cycle in stable)])
+    largest = max([consistent, *(cycle.slosh_amplitude[mass.name] for cycle in stable)])
+    unsupported = _unsupported(case, tank, xi, largest, float(np.max(samples)), worst)
+    acceptable: bool | None = bool(worst <= criteria.tvc_amplitude)  # step 5
     return LimitCycle(
         case=case,
         tank=mass.name,
@@ -187,13 +209,24 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
         gain=gain_to_neutral,
         delay=delay,
         degraded_growth=degraded,
+        coupled=coupled,
         tvc_limit=criteria.tvc_amplitude,
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
-        reasons=tuple(unsupported + _cautions(case, tank, amplitude, consistent)),
+        reasons=tuple(unsupported + _cautions(case, tank, amplitude, largest) + ([unpredicted] if unpredicted else [])),
         band_omega=samples,
         band_tvc=tvc,
         paper_band_tvc=paper_tvc,
     )
+
+
+def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
+    """Return the cycles of a degraded loop of several tanks, and why there are none to tell."""
+    if len(degraded.vehicle.tanks) < 2:
+        return (), ""  # one tank: the five steps say it all
+    try:
+        return limit_cycles(degraded), ""
+    except OutsideValidity as error:
+        return (), f"caution: the degraded loop was not followed with all tanks coupled: {error}"
 
 
 def _why_none(case: Case, loop: Loop, tank: int) -> str:
@@ -266,6 +299,7 @@ def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool 
         gain=np.nan,
         delay=np.nan,
         degraded_growth=np.nan,
+        coupled=(),
         tvc_limit=case.criteria.tvc_amplitude,
         acceptable=acceptable,
         reasons=(reason,),

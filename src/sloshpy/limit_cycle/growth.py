@@ -13,7 +13,7 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.damping import ratios
 from sloshpy.dynamics.loop import Loop, open_loop, single
-from sloshpy.dynamics.poles import characteristic_matrix, closed_loop_poles, polish
+from sloshpy.dynamics.poles import NEUTRAL, characteristic_matrix, closed_loop_poles, polish
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, ComplexArray
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 50  # of damping and mode shape; some ten are enough where they agree at all
-NEUTRAL = 1e-9  # growth below this part of the frequency is rounding: an undamped mode that control does not reach
 
 
 @dataclass(frozen=True, kw_only=True)

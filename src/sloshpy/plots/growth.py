@@ -53,4 +53,4 @@ def _message(curve: GrowthCurve, own: Sequence[Cycle]) -> str:
     stable = sorted(c.slosh_amplitude[curve.tank] for c in own if c.stable)
     if stable:
         return f"{start}; with the loop as given it settles at " + ", ".join(f"{a:.3g} m" for a in stable)
-    return f"{start}; the loop as given has no stable limit cycle"
+    return f"{start}; this mode has no stable limit cycle of its own"

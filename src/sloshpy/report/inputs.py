@@ -86,6 +86,8 @@ def _value(value: Any, quantity: Quantity | None) -> str:
         return str(value)
     if quantity.unit == "1" and np.ndim(value) == 0 and "ratio" not in quantity.meaning:
         return f"{float(value):.6g}"  # a gain or an exponent is no percentage
+    if quantity.unit == "rad/s" and "rate" in quantity.meaning:
+        return f"{float(value):.6g} rad/s ({np.degrees(float(value)):.5g} deg/s)"
     if np.ndim(value) == 0:
         return show(float(value), quantity.unit)
     shown = [f"{float(v):.6g}" for v in value[:MOST_SHOWN]]

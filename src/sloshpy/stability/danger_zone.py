@@ -165,6 +165,7 @@ def required_damping_map(
             zone and beyond.
         others: damping ratios at which the other tanks are held; default: see `joint_damping`.
     """
+    single(case, "required_damping_map")
     v, zone = case.vehicle, danger_zone(case, tank)
     moved = v.tanks[tank]
     if station is None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import greatest_growth, unstable_count
+from sloshpy.dynamics.poles import NEUTRAL, greatest_growth, unstable_count
 from sloshpy.dynamics.response import frequency_sensitivity, transfer
 from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, BoolArray, IntArray, Real
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RIGID = "rigid body"
-NEUTRAL = 1e-9  # growth over slosh frequency below which a pole is on the axis
 AUDIBLE = np.log(100.0)  # phase crossings beyond +-40 dB are no margins: undamped poles and zeros, wrapped delay
 DISTANT = 4.0  # minima of eq 24 beyond this are listed in data, not on the screen
 RELATED_SHARE = 0.5  # a point belongs to a tank whose share is at least this part of the greatest
@@ -227,6 +226,8 @@ def _crossings(loop: Loop, curves: Curves) -> list[tuple[IntArray, Array, Array]
     log_gain, angle = np.log(np.abs(curves.loop)), np.angle(-curves.loop)
     at_gain = pairs[log_gain[pairs] * log_gain[pairs + 1] <= 0.0]
     turned = (angle[pairs] * angle[pairs + 1] <= 0.0) & (np.abs(angle[pairs + 1] - angle[pairs]) < np.pi)
+    # a loop without lead or lag runs along -180 deg: rounding about it is no crossing
+    turned &= np.maximum(np.abs(angle[pairs]), np.abs(angle[pairs + 1])) > 1e-9
     found = []
     for function, at in ((gain, at_gain), (phase, pairs[turned])):
         index, ends = curves.index[at], (curves.omega[at], curves.omega[at + 1])

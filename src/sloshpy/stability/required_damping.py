@@ -9,8 +9,8 @@ import numpy as np
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import greatest_growth
-from sloshpy.stability.margins import NEUTRAL, loop_margins
+from sloshpy.dynamics.poles import NEUTRAL, greatest_growth
+from sloshpy.stability.margins import loop_margins
 from sloshpy.units import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.case import Case, Criteria
-from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.response import FrequencyResponse, frequency_response, transfer
 from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
@@ -168,6 +168,7 @@ def damping_sweep(
         tank: number of the tank that is swept.
         required: the tank's requirement, where it is known already.
     """
+    single(case, "damping_sweep")
     needed = _needed(case, tank) if required is None else required
     xi = np.unique(telling_dampings(needed) if damping is None else damping)
     if not np.all(xi > 0.0):
@@ -204,6 +205,7 @@ def disc_margin_curve(
         tank: number of the tank.
         required: the tank's requirement, where it is known already.
     """
+    single(case, "disc_margin_curve")
     needed = _needed(case, tank) if required is None else required
     if damping is None:
         marks = np.array([needed.neutral, needed.required], dtype=float)

@@ -38,7 +38,9 @@ class FlexibleMode(BaseModel):
 
     name: str = Field(pattern=NAME, description="name of the mode")
     frequency: Annotated[Real, Quantity("rad/s", "W", "natural frequency", above=0.0)]
-    damping: Annotated[Real, Quantity("1", "zeta", "damping ratio", least=0.0, most=0.3)]
+    damping: Annotated[
+        Real, Quantity("1", "zeta", "damping ratio", least=0.0, most=0.3, hint='a percentage is written "0.5 %"')
+    ]
     generalized_mass: Annotated[Real, Quantity("kg", "M_i", "generalised mass", above=0.0)]
     gimbal: ModeShape
     gyro: ModeSlope

@@ -55,6 +55,11 @@ class Vehicle(BaseModel):
             seen[tank.name.casefold()] = j
         for i, mode in enumerate(self.flexible_modes):
             names = [t.name for t in self.tanks]
+            if mode.name.casefold() in seen:
+                raise refusal(
+                    ("flexible_modes", i, "name"), "is the name of a tank or of another mode too", "rename one"
+                )
+            seen[mode.name.casefold()] = i
             for name in names:
                 if name not in mode.tank:
                     raise refusal(
@@ -67,6 +72,14 @@ class Vehicle(BaseModel):
                     raise refusal(
                         ("flexible_modes", i, "tank", name), "is no tank of the case", f"one of {', '.join(names)}"
                     )
+        if self.engine is not None:
+            S, I_e = np.asarray(self.engine.first_moment), np.asarray(self.engine.inertia)
+            if np.any(I_e * np.asarray(self.mass) < S**2):  # S^2 / I_e is at most the mass of the engines
+                raise refusal(
+                    ("engine", "first_moment"),
+                    "squared over the inertia is more than the vehicle's mass",
+                    "both are about the gimbal: inertia is at least first_moment^2 / mass of the engines",
+                )
         if self.aerodynamics is not None:
             felt = np.asarray(self.aerodynamics.normal_force_slope) > 0.0
             if np.any(felt) and not np.all(felt):  # without air Z' is drift too: another set of states
