@@ -117,3 +117,17 @@ def test_the_map_agrees_with_the_closed_form_and_marks_the_case():
 def test_a_station_that_makes_the_mass_matrix_indefinite_is_refused():
     with pytest.raises(ValueError, match="indefinite"):
         required_damping_map(paper_case(), station=np.array([6.0, 50.0]))
+
+
+def test_a_batch_of_vehicles_equals_a_loop_and_refuses_by_nan():
+    stations = np.array([9.0, 16.0, -8.0])
+    delays = np.array([0.0, 0.0, 0.7])  # the last eats the lead
+    batch = danger_zone(paper_case(tank={"station": stations}, delay=delays))
+    for k, (station, delay) in enumerate(zip(stations, delays, strict=True)):
+        one = danger_zone(paper_case(tank={"station": float(station)}, delay=float(delay)))
+        assert batch.lead[k] == pytest.approx(one.lead)
+        assert (batch.l[k], batch.aft[k], batch.forward[k]) == pytest.approx((one.l, one.aft, one.forward))
+        assert {None: np.isnan(batch.within[k]), True: batch.within[k] == 1.0, False: batch.within[k] == 0.0}[
+            one.inside
+        ]
+    assert "1 of 3 vehicles inside the danger zone, 1 refused" in str(batch)

@@ -34,6 +34,8 @@ RESULTS = {
     "locus": (lambda: root_locus(CASE, gain=np.geomspace(0.01, 10.0, 30)), "2.12481j", "real"),
     "sweep": (lambda: damping_sweep(CASE, np.array([0.01, 0.048])), "unstable", "gain_db"),
     "curve": (lambda: disc_margin_curve(CASE), "4.7358 %", "disc_margin"),
+    "zone": (lambda: danger_zone(CASE), "13.1836 m behind", "aft"),
+    "cycle": (lambda: limit_cycles(CASE)[0], "0.2244 m", "slosh"),
     "limit cycle": (lambda: predict_limit_cycle(CASE), "4.304 dB", "tvc_amplitude"),
     "growth": (lambda: growth_curve(CASE, amplitude=np.linspace(0.01, 0.5, 9)), "doubles in", "growth"),
     "history": (lambda: simulate(CASE, 20.0), "20.0 s", "slosh"),

@@ -83,6 +83,20 @@ class Cycle:
     tvc_amplitude: float
     stable: bool
 
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the cycle as an xarray Dataset over the tanks."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {
+                "slosh": ("tank", list(self.slosh_amplitude.values()), {"units": "m"}),
+                "omega": ((), self.omega, {"units": "rad/s"}),
+                "tvc": ((), self.tvc_amplitude, {"units": "rad"}),
+            },
+            coords={"tank": list(self.slosh_amplitude)},
+            attrs={"stable": int(self.stable)},
+        )
+
     def __str__(self) -> str:
         slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh_amplitude.items())
         kind = "stable" if self.stable else "unstable"

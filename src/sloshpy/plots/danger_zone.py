@@ -19,14 +19,13 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
     ax.set_xlim(float(station[0]), float(station[-1]))
     ax.set_ylim(0.0, top)
     if not zone.reason:
-        ax.axvspan(cg - zone.aft, cg - zone.forward, color=SHADE, alpha=0.6, linewidth=0.0)
-        ax.axvspan(
-            cg, cg - zone.forward, facecolor="none", edgecolor=GREY, hatch="//", linewidth=0.0, alpha=0.35, ymin=0.93
-        )
-        mark_line(ax, cg - zone.aft, "aft bound (eq 23)", vertical=True, at=0.9)
-        mark_line(ax, cg - zone.forward, "centre of percussion (eq 22)", vertical=True, at=0.9)
+        aft, forward = float(zone.aft), float(zone.forward)
+        ax.axvspan(cg - aft, cg - forward, color=SHADE, alpha=0.6, linewidth=0.0)
+        ax.axvspan(cg, cg - forward, facecolor="none", edgecolor=GREY, hatch="//", linewidth=0.0, alpha=0.35, ymin=0.93)
+        mark_line(ax, cg - aft, "aft bound (eq 23)", vertical=True, at=0.9)
+        mark_line(ax, cg - forward, "centre of percussion (eq 22)", vertical=True, at=0.9)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-        middle = 0.5 * (2.0 * cg - zone.forward)
+        middle = 0.5 * (2.0 * cg - forward)
         ax.annotate("Greensite", (middle, 0.965 * top), ha="center", va="center", fontsize=SMALL, bbox=box)
     mark_line(ax, cg, "c.g.", vertical=True, at=0.9, color=INK, linestyle="-")
     for values, name, k in ((required, "required", 2), (neutral, "neutral", 1)):

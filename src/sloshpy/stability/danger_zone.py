@@ -12,7 +12,7 @@ from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.stability.required_damping import joint_damping, loop_required_damping
-from sloshpy.units import Array
+from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,6 +25,7 @@ MAP_LEVELS = 25  # damping values scanned at each station, in steps of 1.6
 class DangerZone:
     """Closed-form danger zone of one tank; distances l = Xcg - X in m, positive behind the c.g.
 
+    Numbers for one vehicle, arrays of the batch's shape for a batch, whose answer is `within`.
     aft: a (1 - m/M) / w^2 (eq 23). forward: -I/(M Xcg), the centre of percussion (eq 22).
     Greensite's zone has the c.g. for its rear bound.
     lead: phase lead of the PD gains less the lag of filters, delay and actuator at the slosh frequency, rad.
@@ -33,33 +34,43 @@ class DangerZone:
 
     case: Case
     tank: str
-    l: float
-    aft: float
-    forward: float
-    lead: float
+    l: Real
+    aft: Real
+    forward: Real
+    lead: Real
     reason: str
     note: str
 
     @property
     def inside(self) -> bool | None:
-        """Whether the slosh mass lies in the zone; None where the closed form is refused."""
-        return None if self.reason else bool(self.forward < self.l < self.aft)
+        """Whether the slosh mass of one vehicle lies in the zone; None where the closed form is refused."""
+        return None if np.isnan(self.within) else bool(self.within)
+
+    @property
+    def within(self) -> Array:
+        """1 where the slosh mass lies in the zone, 0 where not, nan where the closed form is refused."""
+        inside = (self.forward < np.asarray(self.l)) & (self.l < np.asarray(self.aft))
+        return np.asarray(np.where(np.asarray(self.lead) > LEAST_LEAD, inside.astype(float), np.nan))
 
     def to_dataset(self) -> "xr.Dataset":
-        """Return the zone as an xarray Dataset of scalars with units in the attributes."""
+        """Return the zone as an xarray Dataset with units in the attributes."""
         import xarray as xr  # 1 s: only when a dataset is wanted
 
+        axes = [f"batch_{i}" for i in range(np.ndim(self.l))]
         return xr.Dataset(
             {
-                "l": ((), self.l, {"units": "m"}),
-                "aft": ((), self.aft, {"units": "m"}),
-                "forward": ((), self.forward, {"units": "m"}),
-                "lead": ((), self.lead, {"units": "rad"}),
+                "l": (axes, self.l, {"units": "m"}),
+                "aft": (axes, self.aft, {"units": "m"}),
+                "forward": (axes, self.forward, {"units": "m"}),
+                "lead": (axes, self.lead, {"units": "rad"}),
             },
             attrs={"tank": self.tank, "reason": self.reason, "note": self.note},
         )
 
     def __str__(self) -> str:
+        if np.ndim(self.l):
+            within, refused = int(np.nansum(self.within)), int(np.sum(np.isnan(self.within)))
+            return f"{self.tank}: {within} of {np.size(self.l)} vehicles inside the danger zone, {refused} refused"
         place = {True: "INSIDE", False: "outside", None: "closed form refused:"}[self.inside]
         zone = f"from {self.aft:.4f} m behind to {-self.forward:.4f} m ahead of the c.g."
         tail = f" {self.reason}" if self.reason else f" the danger zone {zone}"
@@ -77,13 +88,14 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
     Pole and zero of phi/beta coincide at both bounds; between them PD control destabilises the slosh mode. Derived for
     one tank under PD control: with more lag than lead at the slosh frequency it is refused.
     """
-    single(case, "danger_zone")
     v = case.vehicle
     mass = v.tanks[tank]
-    M, I, Xcg, m, w = (float(x) for x in (v.mass, v.inertia, v.cg, mass.slosh_mass, mass.frequency))
-    lead = phase_lead(case.autopilot, w)
+    M, I, Xcg, m, w = (np.asarray(x) for x in (v.mass, v.inertia, v.cg, mass.slosh_mass, mass.frequency))
+    aft, forward = np.asarray(v.acceleration) * (1.0 - m / M) / w**2, -I / (M * Xcg)  # eqs 23 and 22
+    l, aft, forward, lead = np.broadcast_arrays(v.lever(mass), aft, forward, phase_lead(case.autopilot, w))
+    numbers: list[Real] = [x if x.ndim else float(x) for x in (l, aft, forward, lead)]
     reason = note = ""
-    if lead <= LEAST_LEAD:
+    if l.ndim == 0 and lead <= LEAST_LEAD:
         reason = (
             f"lag eats the PD lead at the slosh frequency (lead less lag {np.degrees(lead):.1f} deg, needs more than "
             "10 deg); read the required damping along the vehicle"
@@ -95,24 +107,24 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
     return DangerZone(
         case=case,
         tank=mass.name,
-        l=float(v.lever(mass)),
-        aft=float(v.acceleration) * (1.0 - m / M) / w**2,  # eq 23
-        forward=-I / (M * Xcg),  # eq 22
-        lead=lead,
+        l=numbers[0],
+        aft=numbers[1],
+        forward=numbers[2],
+        lead=numbers[3],
         reason=reason,
         note=note,
     )
 
 
-def phase_lead(autopilot: Autopilot, omega: float) -> float:
-    """Return the lead of the PD gains less the lag of filters, delay and actuator at a frequency, rad."""
-    a0, a1 = float(autopilot.attitude_gain), float(autopilot.rate_gain)
+def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
+    """Return the lead of the PD gains less the lag of filters, delay and actuator at frequencies in rad/s, rad."""
+    omega = np.asarray(omega, dtype=float)
+    a0, a1 = np.asarray(autopilot.attitude_gain), np.asarray(autopilot.rate_gain)
     one = autopilot.model_copy(update={"filter": (), "actuator": None, "delay": 0.0, "gain": 1.0})
     parts = [one.model_copy(update={"filter": (f,)}) for f in autopilot.filter]
     parts += [one.model_copy(update={"actuator": autopilot.actuator})]
-    s = np.array(1j * omega)
-    angles = [float(np.angle(forward_transfer(part, s))) for part in parts]  # each within half a turn
-    return float(np.arctan2(a1 * omega, a0)) + sum(angles) - float(autopilot.delay) * omega
+    angles = [np.angle(forward_transfer(part, 1j * omega)) for part in parts]  # each within half a turn
+    return np.asarray(np.arctan2(a1 * omega, a0) + sum(angles) - np.asarray(autopilot.delay) * omega)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +184,7 @@ def required_damping_map(
         reach = np.sqrt(
             0.9 * (1.0 - float(moved.slosh_mass) / float(v.mass)) * float(v.inertia) / float(moved.slosh_mass)
         )
-        aft, forward = (float(np.clip(1.2 * l, -reach, reach)) for l in (zone.aft, zone.forward))
+        aft, forward = (float(np.clip(1.2 * float(l), -reach, reach)) for l in (zone.aft, zone.forward))
         count = 41 if len(v.tanks) + len(v.flexible_modes) < 3 else 21  # a large vehicle costs more at each
         station = np.unique(np.append(np.linspace(float(v.cg) - aft, float(v.cg) - forward, count), moved.station))
     station = np.asarray(station, dtype=float)
