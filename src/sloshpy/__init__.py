@@ -11,6 +11,7 @@ The public names, in reading order; each is loaded when it is first used.
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
     time         simulate, settled_envelope, verify
     review       assess, plot_bode and the other plots, write_report, write_figures
+    batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
 """
 
@@ -23,6 +24,7 @@ __version__ = "0.1.0"
 
 _ROOMS = {
     "case": ("Case", "Criteria"),
+    "batch": ("for_each", "Answers"),
     "vehicle": ("Vehicle", "SloshMass", "FlexibleMode", "ModeShape", "ModeSlope", "Engine", "Aerodynamics"),
     "autopilot": ("Autopilot", "Actuator", "Filter"),
     "damping": ("ConstantDamping", "PowerDamping", "TableDamping", "SumDamping"),

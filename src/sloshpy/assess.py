@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.dynamics import Poles, closed_loop_poles, open_loop, single
+from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import Cycle, LimitCycle, limit_cycles, predict_limit_cycle

@@ -1,6 +1,6 @@
 """The equations of motion, the loop, its exact frequency response and its poles, eqs 1-12."""
 
-from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import Plant, plant, state_space, without_drift
 from sloshpy.dynamics.poles import Poles, closed_loop_poles, open_loop_poles
 from sloshpy.dynamics.response import FrequencyResponse, frequency_response
@@ -15,7 +15,6 @@ __all__ = [
     "open_loop",
     "open_loop_poles",
     "plant",
-    "single",
     "state_space",
     "without_drift",
 ]

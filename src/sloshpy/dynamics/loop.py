@@ -121,13 +121,6 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
     return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
 
 
-def single(case: Case, verb: str) -> None:
-    """Refuse a batch where a verb takes one vehicle."""
-    shape = open_loop(case).batch
-    if shape:
-        raise ValueError(f"{verb} takes one case, this is a batch of shape {shape}: call it for each")
-
-
 def _per_tank(value: Real, n: int) -> Array:
     array = np.asarray(value, dtype=float)
     if array.ndim == 0:

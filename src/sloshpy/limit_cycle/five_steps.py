@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles, greatest_growth
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, characteristic_matrix, closed_loop_poles, polish
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
@@ -138,6 +139,7 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     Raises:
         OutsideValidity: two slosh modes grow at small amplitude; one sinusoid then predicts no limit cycle.
     """
+    single(case, "limit_cycles")
     if not any(_varies(case, j) for j in range(len(case.vehicle.tanks))):
         return ()
     growing = [p for p in closed_loop_poles(open_loop(case)).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]

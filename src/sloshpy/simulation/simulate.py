@@ -13,8 +13,9 @@ import numpy as np
 
 from sloshpy.autopilot import Autopilot
 from sloshpy.autopilot.blocks import filter_block
+from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import single
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import Cycle, limit_cycles, predict_limit_cycle
 from sloshpy.simulation.envelope import CYCLES

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.autopilot import Autopilot, forward_transfer
+from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.errors import OutsideValidity

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
-from sloshpy.dynamics.loop import Loop, open_loop, single
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.response import FrequencyResponse, frequency_response, transfer
 from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
