@@ -1,6 +1,7 @@
 """The command line: every command answers, draws, and refuses in the one error form with exit status 2."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -161,6 +162,7 @@ def test_what_is_wrong_is_told_on_standard_error_with_status_2_and_nothing_writt
     status, out, err = run(*words)
     assert status == 2
     assert said in err
+    assert err.startswith("error: ")
     assert "Traceback" not in out + err
     assert sorted(case.parent.iterdir()) == before
 
@@ -197,3 +199,13 @@ def test_heavy_libraries_are_not_loaded_before_they_are_used(case, words, absent
     loaded = done.stdout.rsplit("LOADED", 1)[1].split()
     assert "numpy" in loaded
     assert not set(absent) & set(loaded)
+
+
+def test_a_neutral_loop_has_nothing_to_verify(run, case):
+    """Without slosh damping and with the mass at the centre of percussion the slosh pole stays on the axis."""
+    text = case.read_text(encoding="utf-8")
+    text = text.replace('station = "9 m"', 'station = "15.375 m"')
+    text = re.sub(r"damping = \{.*\}", 'damping = { law = "constant", ratio = 0 }', text)
+    case.write_text(text, encoding="utf-8")
+    status, out, _ = run("verify", case)
+    assert (status, "neutral" in out) == (1, True)

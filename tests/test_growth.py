@@ -1,15 +1,21 @@
 """Growth curve: its zeros are the simulated cycles, its slope their stability, its start the small-amplitude pole."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import oracle
+import sloshpy
 from cases import paper_case
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.dynamics import closed_loop_poles, open_loop
+from sloshpy.files import read_case
 from sloshpy.limit_cycle import growth_curve, limit_cycles
 from sloshpy.simulation import simulate
+from sloshpy.stability import required_damping
 
+DATA = Path(sloshpy.__file__).parent / "data"
 DIP = TableDamping(amplitude=[0.0, 0.07, 0.15, 0.3, 0.5, 0.8], ratio=[0.005, 0.026, 0.029, 0.020, 0.030, 0.045])
 
 
@@ -75,3 +81,89 @@ def test_the_unstable_cycle_separates_the_basins_in_simulation():
 def test_growth_falls_with_amplitude_under_a_growing_law():
     curve = growth_curve(paper_case())
     assert np.all(np.diff(curve.growth) < 0)
+
+
+def test_a_branch_that_turns_back_holds_its_equation_at_every_point():
+    """Two tanks nearly in tune: no LOX mode beyond 0.12 m, there LH2 takes over; each point is an oracle's pole."""
+    case = read_case(DATA / "two_tanks.toml")
+    curve = growth_curve(case, 0)
+    assert curve.folded
+    assert 0.11 < np.max(curve.amplitude) < 0.12
+    wave = [PowerDamping(slope=t.damping.of[1].slope, exponent=t.damping.of[1].exponent) for t in case.vehicle.tanks]
+    wall = [t.damping.of[0].constant_ratio for t in case.vehicle.tanks]
+    w = [t.frequency for t in case.vehicle.tanks]
+    for k in range(0, len(curve.amplitude), 12):
+        pole, slosh = curve.pole[k], curve.slosh[k]
+        xi = [
+            c + law.slope * (pole.imag * A / wj) ** law.exponent
+            for c, law, A, wj in zip(wall, wave, slosh, w, strict=True)
+        ]
+        numbers = oracle.numbers(case, xi)
+        assert np.abs(oracle.poles(numbers) - pole).min() < 1e-8
+        z = oracle.solved(numbers, np.array(pole * (1 + 1e-9)))[1]
+        assert np.abs(z[0] / z[1]) == pytest.approx(slosh[0] / slosh[1], rel=1e-5)
+    steps = np.abs(np.diff(curve.pole))
+    assert np.max(steps) < 0.1  # no jump to another branch
+
+
+def test_amplitudes_beyond_a_turning_branch_have_no_mode():
+    case = read_case(DATA / "two_tanks.toml")
+    curve = growth_curve(case, 0, amplitude=np.array([0.05, 0.1, 0.2]))
+    assert np.isnan(curve.growth).tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_a_disturbed_cycle_returns_at_the_rate_a_sigma_of_a_for_one_tank(exponent):
+    case = paper_case(PowerDamping(slope=0.1, exponent=exponent), delay=0.05)
+    (cycle,) = limit_cycles(case)
+    a = cycle.slosh_amplitude["LOX"]
+    h = 1e-4
+    low, high = growth_curve(case, amplitude=a * np.array([1 - h, 1 + h])).growth
+    # slow motion follows sigma(a); the exact rate differs by its square over the frequency
+    assert cycle.disturbance == pytest.approx((high - low) / (2 * h), rel=0.03)
+    assert cycle.stable
+
+
+def test_a_disturbed_cycle_of_two_tanks_returns_at_its_rate_in_simulation():
+    case = read_case(DATA / "two_tanks.toml")
+    (cycle,) = limit_cycles(case)
+    at = np.array(list(cycle.slosh_amplitude.values()))
+    runs = [simulate(case, duration=260.0, initial_slosh=f * at[1]) for f in (0.95, 1.05)]
+    peaks = []
+    for run in runs:
+        z = run.slosh[:, 1]
+        k = np.flatnonzero((z[1:-1] > z[:-2]) & (z[1:-1] >= z[2:])) + 1
+        peaks.append((run.time[k], z[k]))
+    t = np.linspace(60.0, 160.0, 50)
+    apart = np.abs(np.interp(t, *peaks[1]) - np.interp(t, *peaks[0]))
+    rate = np.polyfit(t, np.log(apart), 1)[0]
+    assert rate == pytest.approx(cycle.disturbance, rel=0.05)
+
+
+def test_time_between_amplitudes_is_that_of_the_simulation():
+    case = paper_case()
+    curve = growth_curve(case)
+    run = simulate(case, duration=150.0, initial_slosh=0.005)
+    z = run.slosh[:, 0]
+    k = np.flatnonzero((z[1:-1] > z[:-2]) & (z[1:-1] >= z[2:])) + 1
+    at = np.interp([0.05, 0.2], z[k], run.time[k])  # the envelope grows monotonously
+    assert curve.time_between(0.05, 0.2) == pytest.approx(at[1] - at[0], rel=5e-3)
+    assert curve.time_between(0.05, 0.3) == np.inf  # the limit cycle lies between
+    assert curve.time_between(0.6, 0.3) > 0.0
+    assert curve.time_between(0.3, 0.6) == np.inf
+    assert curve.time_between(0.3, 0.3) == 0.0
+    assert np.isnan(curve.time_between(0.1, 99.0))
+
+
+def test_two_cycles_between_two_points_of_the_curve_are_both_found():
+    """A dip that just touches the needed damping: a pair of cycles closer than the branch's points."""
+    needed = float(required_damping(paper_case()).neutral)
+
+    def law(depth):
+        A = [0.0, 0.05, 0.2, 0.30, 0.31, 0.32, 0.5, 0.8]
+        at = [0.005, needed + 0.004, needed + 0.004, needed + 1e-3, needed - depth, needed + 1e-3, 0.04, 0.06]
+        return TableDamping(amplitude=A, ratio=at)
+
+    assert len(limit_cycles(paper_case(law(-5e-4)))) == 1
+    cycles = limit_cycles(paper_case(law(2e-4)))
+    assert [c.stable for c in sorted(cycles, key=lambda c: c.slosh_amplitude["LOX"])] == [True, False, True]

@@ -19,7 +19,7 @@ from sloshpy.errors import InputError, OutsideValidity, Problem
 from sloshpy.files import case_schema, example_names, read_case, write_example
 from sloshpy.limit_cycle import LimitCycle, predict_limit_cycle
 from sloshpy.simulation import simulate, verify
-from sloshpy.stability import damping_sweep, disc_margin_curve, required_damping_map, root_locus
+from sloshpy.stability import damping_sweep, disc_margin_curve, margins, required_damping_map, root_locus
 from sloshpy.units import Array, UnitError, parse
 
 app = cyclopts.App(
@@ -193,6 +193,9 @@ def verify_command(case: CaseFile) -> int:
     except OutsideValidity as error:
         print(f"nothing to verify: {error}")
         return 1
+    if not found and margins(read).neutral:
+        print("nothing to verify: the loop is neutral at small amplitude, it neither grows nor decays")
+        return 1
     print("\n".join(str(one) for one in found) if found else "no limit cycle is predicted")
     return 0
 
@@ -226,9 +229,11 @@ def main(words: Sequence[str] | None = None) -> None:
     Faults of the input go to standard error, with exit status 2.
     """
     try:
-        status = app(sys.argv[1:] if words is None else list(words), exit_on_error=False)
-    except cyclopts.CycloptsError:
-        status = 2  # its message is on standard error already
+        status = app(sys.argv[1:] if words is None else list(words), exit_on_error=False, print_error=False)
+    except cyclopts.CycloptsError as error:
+        command = " ".join(error.command_chain) if error.command_chain else ""
+        print(f"error: {str(error).rstrip('.')}; see sloshpy {command} --help".replace("  ", " "), file=sys.stderr)
+        status = 2
     except InputError as error:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import sloshpy
 from sloshpy.assess import Assessment, assess
 from sloshpy.autopilot import Autopilot
 from sloshpy.case import Case, Source
@@ -102,6 +103,17 @@ def test_inputs_stand_as_given_and_in_si(review: Assessment, page: Page) -> None
     assert rows["tank.LOX.damping.slope"].value == "0.1 1/m"
     assert rows["vehicle.mass"].symbol == "M"
     assert "900 kN" in page.words
+
+
+def test_the_parts_of_a_sum_law_stand_as_given() -> None:
+    rows = {row.key: row for row in input_rows(read_case(Path(sloshpy.__file__).parent / "data" / "two_tanks.toml"))}
+    assert rows["tank.LOX.damping.of.1.ratio"].given == "0.1 %"
+    assert rows["tank.LOX.damping.of.2.slope"].given == "0.12 1/m"
+
+
+def test_a_case_in_place_of_an_assessment_is_told_the_way(review: Assessment, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="assess"):
+        write_report(review.case, tmp_path / "page.html")  # type: ignore[arg-type]
 
 
 def test_every_number_of_a_case_file_is_an_input_row(review: Assessment) -> None:

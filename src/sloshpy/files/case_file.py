@@ -227,10 +227,13 @@ def _given(document: dict[str, Any], places: Places) -> dict[str, str]:
     for path, place in places.at.items():
         if any(path[:end] in lists for end in range(len(path))) or not place.text:
             continue
-        if place.text.startswith("["):
-            lists.add(path)
-        elif path in tables:
+        if path in tables and not place.text.startswith("["):
             continue  # an inline table: its keys follow
+        if place.text.startswith("["):
+            value = tomllib.loads(f"value = {place.text}")["value"]
+            if value and all(isinstance(part, dict) for part in value):
+                continue  # likewise a list of them
+            lists.add(path)
         given[_given_key(path, document)] = _unquoted(place.text)
     return given
 

@@ -16,7 +16,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles, greatest_growth
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
-from sloshpy.limit_cycle.growth import Cycle, limit_cycles
+from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.stability.margins import loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping

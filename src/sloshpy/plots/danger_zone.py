@@ -15,7 +15,7 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
     tank = next(t for t in v.tanks if t.name == found.tank)
     own = int(np.argmin(np.abs(station - float(tank.station))))
     required, neutral = 100.0 * found.required, 100.0 * found.neutral
-    top = 1.45 * max(float(np.nanmax(np.append(required, 0.0))), 0.5)
+    top = 1.45 * float(np.nanmax(np.append(required, 0.0))) or 1.0
     ax.set_xlim(float(station[0]), float(station[-1]))
     ax.set_ylim(0.0, top)
     if not zone.reason:
@@ -25,22 +25,28 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
         mark_line(ax, cg - aft, "aft bound (eq 23)", vertical=True, at=0.9)
         mark_line(ax, cg - forward, "centre of percussion (eq 22)", vertical=True, at=0.9)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-        middle = 0.5 * (2.0 * cg - forward)
-        ax.annotate("Greensite", (middle, 0.965 * top), ha="center", va="center", fontsize=SMALL, bbox=box)
+        ax.annotate("Greensite", (cg - 0.5 * forward, 0.965 * top), ha="center", va="center", fontsize=SMALL, bbox=box)
     mark_line(ax, cg, "c.g.", vertical=True, at=0.9, color=INK, linestyle="-")
+    middle = 0.5 * (station[0] + station[-1])
     for values, name, k in ((required, "required", 2), (neutral, "neutral", 1)):
         ax.plot(station, values, **curve_style(k))
-        if np.any(np.isfinite(values)):
-            peak = int(np.nanargmax(values))
+        if np.any(values > 0.0):
+            away = (station < middle) != (station[own] < middle)  # from the tank's own label
+            known = np.isfinite(values) & (away if np.any(np.isfinite(values[away])) else True)
+            peak = int(np.argmax(np.where(known, values, -np.inf)))
             at = (float(station[peak]), float(values[peak]))
-            ax.annotate(name, at, (0, 4), textcoords="offset points", ha="center", va="bottom", fontsize=SMALL)
+            side = "left" if peak == 0 else "right" if peak == len(values) - 1 else "center"
+            ax.annotate(name, at, (0, 4), textcoords="offset points", ha=side, va="bottom", fontsize=SMALL)
     if np.isfinite(required[own]):
+        right = station[own] < 0.3 * station[0] + 0.7 * station[-1]
         ax.plot(station[own], required[own], "o", color=ALARM, markersize=9.0, zorder=5)
         ax.annotate(
             f"{found.tank} at {float(tank.station):.4g} m\nneeds {percent(found.required[own])}",
             (float(station[own]), float(required[own])),
-            (10, 10),
+            (10 if right else -10, 10),
             textcoords="offset points",
+            ha="left" if right else "right",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.7},
             fontsize=10.0,
             fontweight="bold",
             color=ALARM,

@@ -1,6 +1,7 @@
 """Growth of the slosh mode over its amplitude; zeros are limit cycles."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,12 +22,13 @@ def plot_growth(curve: GrowthCurve, cycles: Sequence[Cycle] = (), ax: Axes | Non
     known = np.isfinite(curve.growth)
     a, sigma = curve.amplitude[known], curve.growth[known]
     own = [c for c in cycles if c.tank == curve.tank]
-    least, most = float(np.min(sigma, initial=0.0)), float(np.max(sigma, initial=0.0))
-    reach = max(most - least, 1e-6)
-    shown = max((4.0 * c.slosh_amplitude[curve.tank] for c in own), default=np.inf)
-    right = min(float(a[-1]), shown) if len(a) else 1.0
-    inside = a <= right
-    least = float(np.min(sigma[inside], initial=0.0))
+    turn = int(np.argmax(a)) if len(a) else 0  # beyond it another tank takes the mode over
+    radius = next((t.radius for t in curve.case.vehicle.tanks if t.name == curve.tank), None)
+    wall = np.inf if radius is None else float(radius)  # no wave is as high as its tank is wide
+    shown = max((4.0 * c.slosh_amplitude[curve.tank] for c in own), default=wall)
+    right = min(float(a[turn]), shown) if len(a) else 1.0
+    inside = (a <= right) & (np.arange(len(a)) <= turn)
+    most, least = float(np.max(sigma, initial=0.0)), float(np.min(sigma[inside], initial=0.0))
     reach = max(most - least, 1e-6)
     ax.set_xlim(0.0, right)
     ax.set_ylim(least - 0.1 * reach, most + 0.2 * reach)
@@ -35,6 +37,10 @@ def plot_growth(curve: GrowthCurve, cycles: Sequence[Cycle] = (), ax: Axes | Non
     ax.annotate("grows", (0.98, 0.95), xycoords="axes fraction", ha="right", va="top", fontsize=10.0, color=INK)
     ax.annotate("decays", (0.02, 0.03), xycoords="axes fraction", fontsize=10.0, color=INK)
     ax.plot(a, sigma, **curve_style(2))
+    if curve.folded and inside[turn]:
+        words = f"turns back at {a[turn]:.3g} m:\nanother tank takes the mode over"
+        place: dict[str, Any] = {"textcoords": "axes fraction", "ha": "right", "va": "center", "fontsize": SMALL}
+        ax.annotate(words, (a[turn], sigma[turn]), (0.72, 0.25), arrowprops={"arrowstyle": "-", "color": INK}, **place)
     for cycle in own:
         at = cycle.slosh_amplitude[curve.tank]
         filled = ALARM if cycle.stable else "white"

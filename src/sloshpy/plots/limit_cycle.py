@@ -23,11 +23,12 @@ def plot_limit_cycle(found: LimitCycle, ax: Axes | None = None) -> Axes:
     low, high = 1e3 * found.tvc_amplitude
     paper_low, paper_high = 1e3 * found.paper_tvc_amplitude
     limit = 1e3 * found.tvc_limit
-    shown = limit < IN_VIEW * max(high, paper_high)
-    top = max(high, paper_high, limit if shown else 0.0)
+    shown = limit < IN_VIEW * max(1e3 * found.worst_tvc_amplitude, paper_high)
+    together = [cycle for cycle in found.coupled if cycle.stable]
+    top = max([high, paper_high, limit if shown else 0.0, *(1e3 * cycle.tvc_amplitude for cycle in together)])
     wide = float(np.ptp(f_hz))
     ax.set_xlim(float(f_hz[0]) - 0.25 * wide, float(f_hz[-1]) + 0.7 * wide)
-    ax.set_ylim(0.0, 1.12 * top)
+    ax.set_ylim(0.0, 1.12 * top if shown and limit >= top else 1.3 * top)
     for a, b in found.band / (2.0 * np.pi):
         ax.axvspan(a, b, color=SHADE, alpha=0.6, linewidth=0.0)
     anchors, texts = [], []
@@ -41,6 +42,10 @@ def plot_limit_cycle(found: LimitCycle, ax: Axes | None = None) -> Axes:
             ax.plot(f, part, **curve_style(k))
         anchors.append((float(f_hz[-1]), 1e3 * float(values[-1])))
         texts.append(f"{name}\n{least:.3g} to {most:.3g} mrad")
+    for cycle in together:
+        anchors.append((cycle.omega / (2.0 * np.pi), 1e3 * cycle.tvc_amplitude))
+        ax.plot(*anchors[-1], "D", color=INK, markersize=7.0)
+        texts.append(f"all tanks coupled\n{1e3 * cycle.tvc_amplitude:.3g} mrad")
     if shown:
         text = f"limit {limit:.3g} mrad ({np.degrees(found.tvc_limit):.3g} deg)"
         mark_line(ax, limit, text, color=ALARM, linestyle="-", linewidth=1.4)
@@ -54,9 +59,9 @@ def plot_limit_cycle(found: LimitCycle, ax: Axes | None = None) -> Axes:
 
 
 def _message(found: LimitCycle) -> str:
-    worst, limit = np.degrees(found.tvc_amplitude[1]), np.degrees(found.tvc_limit)
+    worst, limit = np.degrees(found.worst_tvc_amplitude), np.degrees(found.tvc_limit)
     sign = "within" if worst <= limit else "beyond"
     return (
-        f"Degraded by its whole margin, {found.tank} slosh of {found.slosh_amplitude:.3g} m moves the engine by "
+        f"Degraded by its whole margin, {found.tank} slosh of {found.worst_slosh_amplitude:.3g} m moves the engine by "
         f"{worst:.3g} deg, {sign} the limit of {limit:.3g} deg"
     )

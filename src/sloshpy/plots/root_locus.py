@@ -63,6 +63,8 @@ def _enlarge(ax: Axes, locus: RootLocus) -> None:
     anchors = [(float(v.real), float(v.imag)) for v in points]
     texts = [f"{name} closed loop" for name, _ in named] + [f"{name} pole" for name, _ in named]
     texts += [f"{name} zero" for name, _ in named] if zeros else []
+    if len(named) > 2:  # too crowded for every marker: the tanks alone
+        anchors, texts = anchors[: len(named)], [name for name, _ in named]
     label_column(inset, anchors, texts, at=0.55, gap=0.09)
 
 

@@ -45,6 +45,8 @@ def write_report(assessment: Assessment, path: str | os.PathLike[str]) -> Path:
         assessment: result of `assess`.
         path: the HTML file.
     """
+    if isinstance(assessment, Case):  # the slip that everyone makes once
+        raise TypeError("write_report takes an assessment, not a case: write_report(assess(case), path)")
     target = Path(path)
     write_whole(target, report_html(assessment).encode())
     return target

@@ -14,6 +14,7 @@ from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.stability.required_damping import joint_damping, loop_required_damping
 from sloshpy.units import Array, Real
+from sloshpy.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -175,19 +176,14 @@ def required_damping_map(
         case: one vehicle and autopilot, no batch.
         tank: number of the tank to move.
         station: stations in m forward of the gimbal; default: 41, or 21 for a large vehicle, across the closed-form
-            zone and beyond.
+            zone and the tank's own and beyond, with the bounds of the zone and the tank's own station.
         others: damping ratios at which the other tanks are held; default: see `joint_damping`.
     """
     single(case, "required_damping_map")
     v, zone = case.vehicle, danger_zone(case, tank)
     moved = v.tanks[tank]
     if station is None:
-        reach = np.sqrt(
-            0.9 * (1.0 - float(moved.slosh_mass) / float(v.mass)) * float(v.inertia) / float(moved.slosh_mass)
-        )
-        aft, forward = (float(np.clip(1.2 * float(l), -reach, reach)) for l in (zone.aft, zone.forward))
-        count = 41 if len(v.tanks) + len(v.flexible_modes) < 3 else 21  # a large vehicle costs more at each
-        station = np.unique(np.append(np.linspace(float(v.cg) - aft, float(v.cg) - forward, count), moved.station))
+        station = _stations(v, tank, zone)
     station = np.asarray(station, dtype=float)
     tanks = [t.model_copy(update={"station": station}) if j == tank else t for j, t in enumerate(v.tanks)]
     moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
@@ -207,6 +203,22 @@ def required_damping_map(
         departure=departure(loop, tank),
         zone=zone,
     )
+
+
+def _stations(v: Vehicle, tank: int, zone: DangerZone) -> Array:
+    """Return stations across the zone and the tank's own, a tenth beyond, as far as the mass matrix allows."""
+    moved, cg = v.tanks[tank], float(v.cg)
+    m = float(moved.slosh_mass)
+    reach = np.sqrt(0.9 * (1.0 - m / float(v.mass)) * float(v.inertia) / m)
+    marks = np.append(cg - np.array([zone.aft, zone.forward], dtype=float), float(moved.station))
+    beyond = 0.1 * float(np.ptp(marks))
+    # a tank that stands farther out than the reach stays in the picture: its own station is possible
+    low, high = (
+        min(max(marks.min() - beyond, cg - reach), marks[2]),
+        max(min(marks.max() + beyond, cg + reach), marks[2]),
+    )
+    count = 41 if len(v.tanks) + len(v.flexible_modes) < 3 else 21  # a large vehicle costs more at each
+    return np.unique(np.concatenate([np.linspace(low, high, count), marks[(marks >= low) & (marks <= high)]]))
 
 
 def departure(loop: Loop, tank: int) -> Array:

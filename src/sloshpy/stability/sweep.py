@@ -86,8 +86,8 @@ class DampingSweep:
 
     @property
     def peak(self) -> Array:
-        """Greatest |z/beta| of the tank's lobe at each damping, m/rad, and its frequency, rad/s, (2, D)."""
-        k = np.argmax(np.where(self.lobe, self.tvc_gain, 0.0), axis=-1)
+        """Greatest |z/beta| about the tank's frequency at each damping, m/rad, and where, rad/s, (2, D)."""
+        k = np.argmax(np.where(self.neighbourhood, self.tvc_gain, 0.0), axis=-1)
         return np.array([np.take_along_axis(self.tvc_gain, k[:, None], axis=-1)[:, 0], self.response.omega[k]])
 
     @property

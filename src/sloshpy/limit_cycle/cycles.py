@@ -1,0 +1,193 @@
+"""Limit cycles of the loop as given, all tanks coupled: the zeros of the growth curves, and which of them attract.
+
+Near a cycle V_j e^{jWt} of the slosh velocities, a disturbance with the two frequencies W + mu/j and W - mu/j meets
+
+    N (1 + p/2) of the damper directly and N p/2 of it by way of the other frequency,
+
+N(V) the describing function and p = d ln N / d ln V its exponent: for the odd square law 1.5 and 0.5 times. So a small
+oscillation of another mode is damped 1 + p/2 times as much as the cycle itself. The disturbances' growth rates mu are
+the roots of a 2n x 2n determinant in the exact S(s); one of them is 0, the phase of the cycle.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sloshpy.batch import single
+from sloshpy.case import Case
+from sloshpy.damping import ratios
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.plant import slosh_damping
+from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
+from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle.branch import RELATIVE, Follower, Mode, slosh_stiffness
+from sloshpy.limit_cycle.growth import follow
+from sloshpy.units import Array, ComplexArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PHASE = 1e-7  # of the frequency: a root nearer to zero is the cycle's phase
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cycle:
+    """A limit cycle of the loop as given: frequency in rad/s, amplitudes in m and rad.
+
+    disturbance: greatest growth rate of a small disturbance of the cycle, 1/s; it attracts where that is negative.
+    """
+
+    tank: str
+    omega: float
+    slosh_amplitude: dict[str, float]
+    tvc_amplitude: float
+    disturbance: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the cycle attracts: every small disturbance of it, in whatever mode, dies out."""
+        return self.disturbance < 0.0
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the cycle as an xarray Dataset over the tanks."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        return xr.Dataset(
+            {
+                "slosh": ("tank", list(self.slosh_amplitude.values()), {"units": "m"}),
+                "omega": ((), self.omega, {"units": "rad/s"}),
+                "tvc": ((), self.tvc_amplitude, {"units": "rad"}),
+                "disturbance": ((), self.disturbance, {"units": "1/s"}),
+            },
+            coords={"tank": list(self.slosh_amplitude)},
+            attrs={"stable": int(self.stable)},
+        )
+
+    def __str__(self) -> str:
+        slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh_amplitude.items())
+        kind = "stable" if self.stable else "unstable"
+        engine = f"engine {1e3 * self.tvc_amplitude:.3f} mrad"
+        return f"{kind} limit cycle at {self.omega / 2 / np.pi:.4f} Hz: {slosh}, {engine}"
+
+
+def limit_cycles(case: Case) -> tuple[Cycle, ...]:
+    """Return every limit cycle of the loop as given on the branches from small amplitude, all tanks coupled.
+
+    Raises:
+        OutsideValidity: two slosh modes grow at small amplitude; one sinusoid then predicts no limit cycle.
+    """
+    single(case, "limit_cycles")
+    if not any(_varies(case, j) for j in range(len(case.vehicle.tanks))):
+        return ()
+    loop = open_loop(case)
+    growing = [p for p in closed_loop_poles(loop).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
+    if len(growing) > 1:
+        raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
+    found: list[Cycle] = []
+    for j in range(len(case.vehicle.tanks)):
+        follower = Follower(loop=loop, laws=[t.damping for t in case.vehicle.tanks], tank=j)
+        for mode in _zeros(follower, follow(case, j)):
+            cycle = _cycle(case, follower, mode)
+            if not any(_same(cycle, other) for other in found):
+                found.append(cycle)
+    return tuple(found)
+
+
+def _zeros(follower: Follower, modes: tuple[Mode, ...]) -> list[Mode]:
+    """Return the modes of a branch that neither grow nor decay, two close ones told apart."""
+    from scipy.optimize import brentq, minimize_scalar  # 0.3 s: only where a limit cycle may be
+
+    def growth(share: float, k: int) -> float:
+        mode = follower.between(modes[k], modes[k + 1], share)
+        return np.nan if mode is None else mode.pole.real
+
+    found = []
+    sigma = np.array([mode.pole.real for mode in modes])
+    for k in range(len(modes) - 1):
+        brackets = []
+        if sigma[k] * sigma[k + 1] < 0.0:
+            brackets = [(0.0, 1.0)]
+        elif 0 < k < len(modes) - 2:
+            sign = np.sign(sigma[k])
+            # toward zero before, away from it after: it may touch or cross the axis twice between two points
+            if sign * (sigma[k] - sigma[k - 1]) < 0.0 < sign * (sigma[k + 2] - sigma[k + 1]):
+                least = minimize_scalar(
+                    lambda x, k=k, sign=sign: sign * growth(x, k), bounds=(0.0, 1.0), method="bounded"
+                )
+                brackets = [(0.0, float(least.x)), (float(least.x), 1.0)] if least.fun < 0.0 else []
+        for ends in brackets:
+            share = float(brentq(growth, *ends, args=(k,), xtol=1e-14))
+            mode = follower.between(modes[k], modes[k + 1], share)
+            if mode is not None:
+                found.append(mode)
+    return found
+
+
+def _cycle(case: Case, follower: Follower, mode: Mode) -> Cycle:
+    return Cycle(
+        tank=case.vehicle.tanks[follower.tank].name,
+        omega=mode.pole.imag,
+        slosh_amplitude={t.name: float(A) for t, A in zip(case.vehicle.tanks, mode.slosh, strict=True)},
+        tvc_amplitude=mode.tvc,
+        disturbance=disturbance_growth(follower, mode),
+    )
+
+
+def disturbance_growth(follower: Follower, mode: Mode) -> float:
+    """Return the greatest growth rate of a small disturbance of a cycle, 1/s, its phase apart."""
+    loop, W, xi = follower.loop, mode.pole.imag, mode.damping
+    A = W * mode.slosh / loop.plant.tank_frequency
+    above, below = (ratios(follower.laws, A * (1.0 + h)) for h in (RELATIVE, -RELATIVE))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        p = np.log(above / below) / np.log((1.0 + RELATIVE) / (1.0 - RELATIVE))
+    p = np.where(np.isfinite(p), p, 0.0)  # at rest, or at an end of the data
+    direct = slosh_damping(loop.plant, xi * (1.0 + 0.5 * p))
+    across = slosh_damping(loop.plant, xi * 0.5 * p) * np.exp(2j * np.angle(mode.shape))
+    others = closed_loop_eigenvalues(replace(loop, damping=xi * (1.0 + 0.5 * p)))
+    M, dM = _disturbed(loop, W, direct, across, 0.0)
+    near = -np.linalg.eigvals(np.linalg.solve(dM, M))  # first order in mu: the cycle's own amplitude and phase
+    starts = np.concatenate([near, others[np.isfinite(others) & (others.imag >= 0.0)] - 1j * W])
+    found = np.array([_root(loop, W, direct, across, complex(start)) for start in starts])
+    found = found[np.isfinite(found) & (np.abs(found) > PHASE * W)]
+    return float(np.max(found.real, initial=-np.inf))
+
+
+def _disturbed(
+    loop: Loop, W: float, direct: Array, across: ComplexArray, mu: complex
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the matrix of the disturbances at W + mu/j and W - mu/j, (2n, 2n), and its derivative by mu."""
+    n = len(direct)
+    one, other = slice(0, n), slice(n, 2 * n)
+    M, dM = np.zeros((2 * n, 2 * n), dtype=complex), np.zeros((2 * n, 2 * n), dtype=complex)
+    up, down = mu + 1j * W, mu - 1j * W
+    for rows, columns, s, image, coupling in ((one, other, up, down, across), (other, one, down, up, np.conj(across))):
+        S, dS, _ = slosh_stiffness(loop, s)
+        M[rows, rows], dM[rows, rows] = S + s * np.diag(direct), dS + np.diag(direct)
+        M[rows, columns], dM[rows, columns] = image * np.diag(coupling), np.diag(coupling)
+    return M, dM
+
+
+def _root(loop: Loop, W: float, direct: Array, across: ComplexArray, mu: complex) -> complex:
+    """Return a root of the disturbances' determinant by Newton's method; nan where none is found."""
+    for _ in range(40):
+        M, dM = _disturbed(loop, W, direct, across, mu)
+        try:
+            step = 1.0 / np.trace(np.linalg.solve(M, dM))
+        except np.linalg.LinAlgError:  # exactly on a root
+            return mu
+        mu -= step * min(1.0, 0.1 * W / max(abs(step), 1e-300))
+        if abs(step) < 1e-12 * W:
+            return mu
+    return complex(np.nan, np.nan)
+
+
+def _varies(case: Case, tank: int) -> bool:
+    law = case.vehicle.tanks[tank].damping
+    return not np.isinf(law.amplitude(0.3)) and float(law.amplitude(0.3)) != 0.0
+
+
+def _same(one: Cycle, other: Cycle) -> bool:
+    return abs(one.omega - other.omega) < 1e-6 * one.omega and np.allclose(
+        list(one.slosh_amplitude.values()), list(other.slosh_amplitude.values()), rtol=1e-4
+    )
