@@ -9,7 +9,8 @@ The public names, in reading order; each is loaded when it is first used.
     stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
                  damping_sweep, disc_margin_curve, grid_sweep
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
-    time         simulate, settled_envelope, verify
+    time         simulate, settled_envelope, verify, forced_response;
+                 disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -50,7 +51,17 @@ _ROOMS = {
         "disc_margin_curve",
     ),
     "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles"),
-    "simulation": ("simulate", "settled_envelope", "verify"),
+    "simulation": (
+        "simulate",
+        "settled_envelope",
+        "verify",
+        "forced_response",
+        "Step",
+        "Pulse",
+        "OneMinusCosine",
+        "Samples",
+        "Noise",
+    ),
     "assess": ("assess", "Assessment"),
     "plots": (
         "plot_bode",

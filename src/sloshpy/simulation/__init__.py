@@ -2,13 +2,22 @@
 
 from sloshpy.simulation.degraded import simulate_degraded
 from sloshpy.simulation.envelope import Envelope, settled_envelope
+from sloshpy.simulation.forced import ForcedResponse, forced_response
+from sloshpy.simulation.signals import Noise, OneMinusCosine, Pulse, Samples, Step
 from sloshpy.simulation.simulate import TimeHistory, simulate
 from sloshpy.simulation.verify import Verification, verify
 
 __all__ = [
     "Envelope",
+    "ForcedResponse",
+    "Noise",
+    "OneMinusCosine",
+    "Pulse",
+    "Samples",
+    "Step",
     "TimeHistory",
     "Verification",
+    "forced_response",
     "settled_envelope",
     "simulate",
     "simulate_degraded",

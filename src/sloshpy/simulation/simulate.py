@@ -19,6 +19,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
+from sloshpy.simulation.signals import Noise, Signal
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
@@ -98,8 +99,10 @@ def simulate(
     initial_slosh: Real = INITIAL_SLOSH,
     damping: Real | None = None,
     step: float | None = None,
+    engine: Signal | None = None,
+    wind: Signal | None = None,
 ) -> TimeHistory:
-    """Simulate a case from displaced slosh; degrade its autopilot first to see a degraded loop.
+    """Simulate a case from displaced slosh, disturbed or not; degrade its autopilot first to see a degraded loop.
 
     Args:
         case: one vehicle and autopilot; see `Autopilot.degraded`.
@@ -107,6 +110,8 @@ def simulate(
         initial_slosh: displacement in m, one for all tanks or one for each; the vehicle starts at rest.
         damping: fixed damping ratios in place of the tanks' laws.
         step: s, at most; default: a tenth of the fastest slosh radian and 0.6 of the fastest pole's.
+        engine: disturbance of the engine command before the actuator, rad; see `signals`.
+        wind: lateral wind, m/s; the case needs aerodynamics.
 
     Raises:
         ValueError: more steps than a run can take: a delay of microseconds is no delay, leave it out.
@@ -116,6 +121,11 @@ def simulate(
         raise ValueError(f"duration must be > 0 s, is {duration:g} s")
     single(case, "simulate")
     loop = open_loop(case, damping)
+    if wind is not None and case.vehicle.aerodynamics is None:
+        raise ValueError("wind acts by the aerodynamics, and the case has none")
+    for noise in (engine, wind):
+        if isinstance(noise, Noise) and duration > noise.period:
+            raise ValueError(f"the noise repeats after {noise.period:.0f} s: give it more lines or run shorter")
     h, lag = _step(loop, step)
     if duration / h > MOST_STEPS:
         cause = "the delay" if lag == 1 else "the fastest pole"
@@ -126,25 +136,28 @@ def simulate(
     model = _Model(loop, case, None if damping is None else loop.damping)
     x = np.zeros(model.size)
     x[loop.plant.slosh_states] = initial_slosh
-    states, engine = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
+    states, angle = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
     line, slopes = np.zeros(steps + 1 + lag), np.zeros(steps + 1 + lag)  # the delay line: nothing before t = 0
+    mesh: Array = 0.5 * h * np.arange(2 * steps + 3, dtype=float)  # with the half steps
+    pushed = np.stack([np.zeros_like(mesh) if signal is None else signal(mesh) for signal in (engine, wind)], axis=-1)
     stopped = ""
     count = steps + 1
     for k in range(steps + 1):
         states[k] = x
         old = line[k], slopes[k], line[k + 1] if lag else 0.0, slopes[k + 1] if lag else 0.0
         delayed = (old[0], 0.5 * (old[0] + old[2]) + h / 8.0 * (old[1] - old[3]), old[2])
-        k1 = model.slope(x, delayed[0], lag)
-        engine[k] = model.engine(x, delayed[0], lag)
+        push = pushed[2 * k : 2 * k + 3]
+        k1 = model.slope(x, delayed[0], lag, push[0])
+        angle[k] = model.engine(x, delayed[0], lag, push[0])
         if lag:
             line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1)
             if lag == 1:  # the newest value has just come in
                 delayed = (old[0], 0.5 * (old[0] + line[k + 1]) + h / 8.0 * (old[1] - slopes[k + 1]), line[k + 1])
         if k == steps:
             break
-        k2 = model.slope(x + 0.5 * h * k1, delayed[1], lag)
-        k3 = model.slope(x + 0.5 * h * k2, delayed[1], lag)
-        k4 = model.slope(x + h * k3, delayed[2], lag)
+        k2 = model.slope(x + 0.5 * h * k1, delayed[1], lag, push[1])
+        k3 = model.slope(x + 0.5 * h * k2, delayed[1], lag, push[1])
+        k4 = model.slope(x + h * k3, delayed[2], lag, push[2])
         x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         size = float(np.max(np.abs(x)))
         if not size < DIVERGED:
@@ -157,7 +170,7 @@ def simulate(
         case=case,
         time=time,
         slosh=states[:count, loop.plant.slosh_states],
-        tvc=engine[:count],
+        tvc=angle[:count],
         attitude=states[:count] @ model.attitude,
         step=h,
         stopped=stopped,
@@ -170,6 +183,10 @@ class _Model:
     def __init__(self, loop: Loop, case: Case, fixed: Array | None) -> None:
         A, self._b, C = state_space(loop.plant, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
         self._b2 = inertial_input(loop.plant)
+        self._wind = np.zeros_like(self._b)
+        if loop.plant.velocity_only:  # the wind pushes where Z' resists
+            moved = np.linalg.solve(loop.plant.mass, loop.plant.damping[:, 0])
+            self._wind[-len(moved) :] = moved
         pilot: Autopilot = case.autopilot
         n = self._plant = A.shape[0]
         half = n - loop.plant.mass.shape[-1]  # where the velocities start
@@ -209,22 +226,22 @@ class _Model:
         """Return the command's time derivative, rad/s."""
         return float(self._read @ slope)
 
-    def engine(self, x: Array, delayed: float, lag: int) -> float:
+    def engine(self, x: Array, delayed: float, lag: int, push: Array) -> float:
         """Return the engine angle, rad."""
         if self._actuator is not None:
             return float(x[-2])
-        return delayed if lag else self.command(x)
+        return (delayed if lag else self.command(x)) + float(push[0])
 
-    def slope(self, x: Array, delayed: float, lag: int) -> Array:
-        """Return x' with the delayed command; without a delay the command of this moment."""
-        command = delayed if lag else self.command(x)
+    def slope(self, x: Array, delayed: float, lag: int, push: Array) -> Array:
+        """Return x' with the delayed command, or without a delay that of this moment, and the disturbances."""
+        command = (delayed if lag else self.command(x)) + float(push[0])
         slope = self._A @ x
         beta = command
         if self._actuator is not None:
             beta = float(x[-2])
             slope[-2:] = self._actuate(beta, float(x[-1]), command)
             slope[: self._plant] += self._b2 * slope[-1]
-        slope[: self._plant] += self._b * beta
+        slope[: self._plant] += self._b * beta + self._wind * push[1]
         for i, push, acceleration, w in self._forces:
             slope += push * acceleration(x[i], w)  # type: ignore[operator]
         return slope
