@@ -9,7 +9,7 @@ The public names, in reading order; each is loaded when it is first used.
     stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
                  damping_sweep, disc_margin_curve, grid_sweep
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
-    time         simulate, settled_envelope, verify, forced_response;
+    time         simulate, simulate_ensemble, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
@@ -53,6 +53,7 @@ _ROOMS = {
     "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles"),
     "simulation": (
         "simulate",
+        "simulate_ensemble",
         "settled_envelope",
         "verify",
         "forced_response",

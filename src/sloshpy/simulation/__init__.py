@@ -1,6 +1,7 @@
 """Nonlinear time histories: linear plant, damping force, true delay line, actuator limits (eq 20, fig 9)."""
 
 from sloshpy.simulation.degraded import simulate_degraded
+from sloshpy.simulation.ensemble import Ensemble, simulate_ensemble
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.forced import ForcedResponse, forced_response
 from sloshpy.simulation.signals import Noise, OneMinusCosine, Pulse, Samples, Step
@@ -8,6 +9,7 @@ from sloshpy.simulation.simulate import TimeHistory, simulate
 from sloshpy.simulation.verify import Verification, verify
 
 __all__ = [
+    "Ensemble",
     "Envelope",
     "ForcedResponse",
     "Noise",
@@ -21,5 +23,6 @@ __all__ = [
     "settled_envelope",
     "simulate",
     "simulate_degraded",
+    "simulate_ensemble",
     "verify",
 ]

@@ -40,10 +40,17 @@ def settled_envelope(time: Array, signal: Array) -> Envelope:
         return Envelope(amplitude=0.0, omega=np.nan, reason="")
     t_high, high = _peaks(time, signal)
     _, low = _peaks(time, -signal)
+    return level_envelope(t_high, high, -low)
+
+
+def level_envelope(t_high: Array, high: Array, low: Array) -> Envelope:
+    """Return the envelope of the last twenty cycles from the times in s and values of maxima and the minima."""
     n = min(len(high), len(low))
     if n < CYCLES + 1:
         return _unconverged(f"only {n} cycles, needs more than {CYCLES}")
-    t_high, high, low = t_high[-n:], high[-n:], -low[-n:]
+    t_high, high, low = t_high[-n:], high[-n:], low[-n:]
+    if np.max(np.abs([high, low])) < REST:
+        return Envelope(amplitude=0.0, omega=np.nan, reason="")
     half = 0.5 * (high - low)[-CYCLES:]
     if np.any(half <= 0.0):
         return _unconverged("no single oscillation")

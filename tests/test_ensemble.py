@@ -1,0 +1,89 @@
+"""Many runs at once agree with single runs on another integrator, and say what has not settled."""
+
+import numpy as np
+import pytest
+
+from cases import paper_case, xi
+from sloshpy.autopilot import Actuator, Filter
+from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
+from sloshpy.errors import OutsideValidity
+from sloshpy.simulation import simulate, simulate_ensemble
+from sloshpy.vehicle import SloshMass
+
+DELAYS = np.array([0.0, 0.05, 0.17])
+
+
+def test_limit_cycles_of_a_batch_are_those_of_single_runs():
+    found = simulate_ensemble(paper_case(delay=DELAYS), 400.0)
+    for k, delay in enumerate(DELAYS):
+        run = simulate(paper_case(delay=delay), 400.0, step=0.02)
+        # the two integrators differ by 4e-5 at their default steps
+        assert found.slosh_amplitude[k, 0] == pytest.approx(run.slosh_envelope().amplitude, rel=1e-4)
+        assert found.slosh_omega[k, 0] == pytest.approx(run.slosh_envelope().omega, rel=1e-4)
+        assert found.tvc_amplitude[k] == pytest.approx(run.tvc_envelope.amplitude, rel=1e-4)
+        assert found.slosh_peak[k, 0] == pytest.approx(np.max(np.abs(run.slosh)), rel=1e-3)
+        assert found.settled[k]
+    assert len(set(found.slosh_amplitude[:, 0])) == 3
+
+
+def test_two_tanks_with_sums_of_laws_filters_and_an_actuator():
+    law = SumDamping(of=(ConstantDamping(ratio=0.004), PowerDamping(slope=0.05, exponent=0.5)))
+    wall = SumDamping(of=(ConstantDamping(ratio=0.01), PowerDamping(slope=0.2)))
+    other = SloshMass(name="b", slosh_mass=500.0, station=4.0, frequency=2.6, damping=wall)
+    parts = {
+        "more": (other,),
+        "delay": 0.06,
+        "actuator": Actuator(frequency=20.0, damping=0.7),
+        "filter": (Filter(numerator=(1.0,), denominator=(0.03, 1.0)),),
+    }
+    run = simulate(paper_case(law, **parts), 700.0, np.array([0.1, 0.0]), step=0.025)
+    found = simulate_ensemble(paper_case(law, **parts), 700.0, np.array([0.1, 0.0]))
+    assert found.settled
+    for j in range(2):
+        assert found.slosh_amplitude[j] == pytest.approx(run.slosh_envelope(j).amplitude, rel=2e-4)
+    assert found.tvc_amplitude == pytest.approx(run.tvc_envelope.amplitude, rel=2e-4)
+
+
+def test_halving_the_step_divides_the_error_by_four():
+    exact = simulate_ensemble(paper_case(), 400.0, 0.2, step=0.002).slosh_amplitude[0]
+    errors = [
+        abs(simulate_ensemble(paper_case(), 400.0, 0.2, step=h).slosh_amplitude[0] - exact) for h in (0.05, 0.025)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+
+
+def test_a_batch_fills_its_lanes_in_any_number_and_order():
+    stations = np.linspace(8.0, 10.0, 11)
+    found = simulate_ensemble(paper_case(tank={"station": stations}), 300.0)
+    alone = [simulate_ensemble(paper_case(tank={"station": x}), 300.0).slosh_amplitude[0] for x in stations[[0, 7, 10]]]
+    np.testing.assert_allclose(found.slosh_amplitude[[0, 7, 10], 0], alone, rtol=1e-9)
+
+
+def test_what_has_not_settled_says_why_and_gives_no_number():
+    short = simulate_ensemble(paper_case(), 40.0)
+    assert not short.settled
+    assert "unconverged" in str(short.reason)
+    assert np.isnan(short.slosh_amplitude[0])
+    growing = simulate_ensemble(paper_case(xi(0.001)), 400.0, 1.0)
+    assert "diverged" in str(growing.reason)
+    still = simulate_ensemble(paper_case(xi(0.2)), 400.0)
+    assert still.settled
+    assert still.slosh_amplitude[0] == 0.0
+
+
+def test_free_undamped_slosh_keeps_its_amplitude():
+    """T39: no numerical damping at all, since the flow between the kicks is exact."""
+    case = paper_case(xi(0.0), attitude_gain=1e-12, rate_gain=1e-12)
+    found = simulate_ensemble(case, 500.0, 0.1)
+    run = simulate(case, 60.0, 0.1, step=0.01)
+    assert found.slosh_amplitude[0] == pytest.approx(0.5 * np.ptp(run.slosh[:, 0]), rel=1e-5)
+
+
+def test_tables_and_limits_are_left_to_single_runs():
+    law = TableDamping(amplitude=[0.0, 1.0], ratio=[0.0, 0.1])
+    with pytest.raises(OutsideValidity, match="tabulated"):
+        simulate_ensemble(paper_case(law))
+    with pytest.raises(OutsideValidity, match="limits"):
+        simulate_ensemble(paper_case(actuator=Actuator(frequency=20.0, damping=0.7, rate_limit=0.1)))
+    with pytest.raises(ValueError, match="duration"):
+        simulate_ensemble(paper_case(), 0.0)
