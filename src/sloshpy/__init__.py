@@ -8,8 +8,8 @@ The public names, in reading order; each is loaded when it is first used.
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
                  damping_sweep, disc_margin_curve, grid_sweep
-    limit cycle  predict_limit_cycle, growth_curve, limit_cycles
-    time         simulate, simulate_ensemble, settled_envelope, verify, forced_response;
+    limit cycle  predict_limit_cycle, growth_curve, limit_cycles, two_axis_cycles
+    time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
@@ -50,10 +50,11 @@ _ROOMS = {
         "damping_sweep",
         "disc_margin_curve",
     ),
-    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles"),
+    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles", "two_axis_cycles"),
     "simulation": (
         "simulate",
         "simulate_ensemble",
+        "simulate_two_axes",
         "settled_envelope",
         "verify",
         "forced_response",

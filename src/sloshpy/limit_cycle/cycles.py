@@ -9,6 +9,7 @@ oscillation of another mode is damped 1 + p/2 times as much as the cycle itself.
 the roots of a 2n x 2n determinant in the exact S(s); one of them is 0, the phase of the cycle.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
 from sloshpy.errors import OutsideValidity
@@ -28,6 +29,7 @@ from sloshpy.units import Array, ComplexArray
 if TYPE_CHECKING:
     import xarray as xr
 
+Stiffness = Callable[[complex], tuple[ComplexArray, ComplexArray]]
 PHASE = 1e-7  # of the frequency: a root nearer to zero is the cycle's phase
 
 
@@ -142,36 +144,52 @@ def disturbance_growth(follower: Follower, mode: Mode) -> float:
     with np.errstate(invalid="ignore", divide="ignore"):
         p = np.log(above / below) / np.log((1.0 + RELATIVE) / (1.0 - RELATIVE))
     p = np.where(np.isfinite(p), p, 0.0)  # at rest, or at an end of the data
-    direct = slosh_damping(loop.plant, xi * (1.0 + 0.5 * p))
-    across = slosh_damping(loop.plant, xi * 0.5 * p) * np.exp(2j * np.angle(mode.shape))
+    direct = np.diag(slosh_damping(loop.plant, xi * (1.0 + 0.5 * p)))
+    across = np.diag(slosh_damping(loop.plant, xi * 0.5 * p) * np.exp(2j * np.angle(mode.shape)))
     others = closed_loop_eigenvalues(replace(loop, damping=xi * (1.0 + 0.5 * p)))
-    M, dM = _disturbed(loop, W, direct, across, 0.0)
+    return greatest_disturbance(lambda s: slosh_stiffness(loop, s)[:2], W, direct, across, others)
+
+
+def greatest_disturbance(
+    stiffness: Stiffness, W: float, direct: Array, across: ComplexArray, others: ComplexArray, phase: float = PHASE
+) -> float:
+    """Return the greatest real part of mu, 1/s, that leaves a disturbance at W + mu/j and W - mu/j in balance.
+
+    Args:
+        stiffness: S(s) and dS/ds without slosh damping, (N, N).
+        W: frequency of the cycle, rad/s.
+        direct: what the dampers set against a velocity at its own frequency, kg/s, (N, N).
+        across: and by way of the other frequency, for the part at W + mu/j; its conjugate for the other.
+        others: closed-loop poles near which disturbances are sought, rad/s.
+        phase: a root this near to zero, as a part of W, is the cycle's own phase.
+    """
+    M, dM = _disturbed(stiffness, W, direct, across, 0.0)
     near = -np.linalg.eigvals(np.linalg.solve(dM, M))  # first order in mu: the cycle's own amplitude and phase
     starts = np.concatenate([near, others[np.isfinite(others) & (others.imag >= 0.0)] - 1j * W])
-    found = np.array([_root(loop, W, direct, across, complex(start)) for start in starts])
-    found = found[np.isfinite(found) & (np.abs(found) > PHASE * W)]
+    found = np.array([_root(stiffness, W, direct, across, complex(start)) for start in starts])
+    found = found[np.isfinite(found) & (np.abs(found) > phase * W)]
     return float(np.max(found.real, initial=-np.inf))
 
 
 def _disturbed(
-    loop: Loop, W: float, direct: Array, across: ComplexArray, mu: complex
+    stiffness: Stiffness, W: float, direct: Array, across: ComplexArray, mu: complex
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the matrix of the disturbances at W + mu/j and W - mu/j, (2n, 2n), and its derivative by mu."""
+    """Return the matrix of the disturbances at W + mu/j and W - mu/j, (2N, 2N), and its derivative by mu."""
     n = len(direct)
     one, other = slice(0, n), slice(n, 2 * n)
     M, dM = np.zeros((2 * n, 2 * n), dtype=complex), np.zeros((2 * n, 2 * n), dtype=complex)
     up, down = mu + 1j * W, mu - 1j * W
     for rows, columns, s, image, coupling in ((one, other, up, down, across), (other, one, down, up, np.conj(across))):
-        S, dS, _ = slosh_stiffness(loop, s)
-        M[rows, rows], dM[rows, rows] = S + s * np.diag(direct), dS + np.diag(direct)
-        M[rows, columns], dM[rows, columns] = image * np.diag(coupling), np.diag(coupling)
+        S, dS = stiffness(s)
+        M[rows, rows], dM[rows, rows] = S + s * direct, dS + direct
+        M[rows, columns], dM[rows, columns] = image * coupling, coupling
     return M, dM
 
 
-def _root(loop: Loop, W: float, direct: Array, across: ComplexArray, mu: complex) -> complex:
+def _root(stiffness: Stiffness, W: float, direct: Array, across: ComplexArray, mu: complex) -> complex:
     """Return a root of the disturbances' determinant by Newton's method; nan where none is found."""
     for _ in range(40):
-        M, dM = _disturbed(loop, W, direct, across, mu)
+        M, dM = _disturbed(stiffness, W, direct, across, mu)
         try:
             step = 1.0 / np.trace(np.linalg.solve(M, dM))
         except np.linalg.LinAlgError:  # exactly on a root

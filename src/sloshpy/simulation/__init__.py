@@ -6,6 +6,7 @@ from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.forced import ForcedResponse, forced_response
 from sloshpy.simulation.signals import Noise, OneMinusCosine, Pulse, Samples, Step
 from sloshpy.simulation.simulate import TimeHistory, simulate
+from sloshpy.simulation.two_axes import TwoAxisHistory, simulate_two_axes
 from sloshpy.simulation.verify import Verification, verify
 
 __all__ = [
@@ -18,11 +19,13 @@ __all__ = [
     "Samples",
     "Step",
     "TimeHistory",
+    "TwoAxisHistory",
     "Verification",
     "forced_response",
     "settled_envelope",
     "simulate",
     "simulate_degraded",
     "simulate_ensemble",
+    "simulate_two_axes",
     "verify",
 ]

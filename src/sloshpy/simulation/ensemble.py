@@ -179,20 +179,16 @@ def _modal(loop: Loop, case: Case, initial_slosh: Real) -> _Modal:
     batch, N, n = loop.batch, A.shape[-1], len(loop.plant.tanks)
     size = int(np.prod(batch))
     A = A.reshape(size, N, N)
-    half = loop.plant.mass.shape[-1]
-    plant_states = 2 * half - int(loop.plant.velocity_only)
-    first = loop.plant.slosh_states
-    z_rows, v_rows = np.zeros((n, N)), np.zeros((n, N))
-    for j in range(n):
-        z_rows[j, first.start + j] = 1.0
-        v_rows[j, plant_states - half + loop.plant.slosh.start + j] = 1.0
-    inverse = np.linalg.inv(np.broadcast_to(loop.plant.mass, (*batch, half, half)).reshape(size, half, half))
-    m = np.broadcast_to(loop.plant.tank_mass, (*batch, n)).reshape(size, n)
-    push = np.zeros((size, n, N))
-    push[:, :, plant_states - half : plant_states] = np.moveaxis(inverse[:, :, loop.plant.slosh], 1, 2) * m[..., None]
-    beta = _engine_row(loop, N, plant_states).reshape(size, N)
-    start = np.zeros((size, N))
-    start[:, first] = np.broadcast_to(np.asarray(initial_slosh, dtype=float), (*batch, n)).reshape(size, n)
+    rows_of = slosh_rows(loop, N)
+    z_rows, v_rows = rows_of.displacement, rows_of.velocity
+    push = np.broadcast_to(rows_of.push, (*batch, n, N)).reshape(size, n, N)
+    # without an actuator the engine is taken before the delay, which moves it in time alone: its approximation passes
+    # the kicks of the damping straight on
+    prompt = replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))
+    shown = loop if loop.autopilot.actuator is not None else prompt
+    beta = np.broadcast_to(engine_row(shown, N), (*batch, N)).reshape(size, N)
+    start, first = np.zeros((size, N)), np.asarray(initial_slosh, dtype=float)
+    start[:, loop.plant.slosh_states] = np.broadcast_to(first, (*batch, n)).reshape(size, n)
     rate, V = np.linalg.eig(A)
     W = np.linalg.inv(V)
     order = np.argsort(rate.imag < 0.0, axis=-1, kind="stable")  # the upper ones first
@@ -217,20 +213,44 @@ def _modal(loop: Loop, case: Case, initial_slosh: Real) -> _Modal:
     )
 
 
-def _engine_row(loop: Loop, N: int, plant_states: int) -> Array:
-    """Return the row that picks the engine angle from the state of `system_matrix`, (..., N).
+@dataclass(frozen=True, kw_only=True)
+class SloshRows:
+    """Where slosh stands in the state of `system_matrix`: rows that pick it, and what a unit acceleration moves.
 
-    Without an actuator it is taken before the delay, which moves it in time alone: the approximation passes the kicks
-    of the damping straight on.
+    displacement, velocity: (n_tanks, N). push: (..., n_tanks, N), rate of change of the state.
     """
+
+    displacement: Array
+    velocity: Array
+    push: Array
+
+
+def slosh_rows(loop: Loop, size: int) -> SloshRows:
+    """Return the rows of a loop, or of a batch, whose state has so many entries."""
+    p = loop.plant
+    n, half = len(p.tanks), p.mass.shape[-1]
+    states = 2 * half - int(p.velocity_only)
+    displacement, velocity = np.zeros((n, size)), np.zeros((n, size))
+    for j in range(n):
+        displacement[j, p.slosh_states.start + j] = 1.0
+        velocity[j, states - half + p.slosh.start + j] = 1.0
+    push = np.zeros((*p.mass.shape[:-2], n, size))
+    push[..., states - half : states] = (
+        np.swapaxes(np.linalg.inv(p.mass)[..., p.slosh], -1, -2) * p.tank_mass[..., None]
+    )
+    return SloshRows(displacement=displacement, velocity=velocity, push=push)
+
+
+def engine_row(loop: Loop, size: int) -> Array:
+    """Return the row that picks the engine angle from the state of `system_matrix`, (..., size)."""
     a = loop.autopilot
-    shown = loop if a.actuator is not None else replace(loop, autopilot=a.model_copy(update={"delay": 0.0}))
     C_p = state_space(loop.plant, loop.damping)[2]
-    _, _, C, D, _ = controller(shown)
+    states = C_p.shape[-1]
+    _, _, C, D, _ = controller(loop)
     a0, a1 = np.asarray(a.attitude_gain)[..., None], np.asarray(a.rate_gain)[..., None]
-    row = np.zeros((*loop.batch, N))
-    row[..., :plant_states] = np.asarray(D)[..., None] * (a0 * C_p[..., 0, :] + a1 * C_p[..., 1, :])
-    row[..., plant_states : plant_states + C.shape[-1]] = C  # the filters' states come first, the actuator's last
+    row = np.zeros((*loop.batch, size))
+    row[..., :states] = np.asarray(D)[..., None] * (a0 * C_p[..., 0, :] + a1 * C_p[..., 1, :])
+    row[..., states : states + C.shape[-1]] = C
     return row
 
 
