@@ -6,8 +6,8 @@ The public names, in reading order; each is loaded when it is first used.
     damping      ConstantDamping, PowerDamping, TableDamping, SumDamping
     files        read_case, write_case, case_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
-    stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
-                 damping_sweep, disc_margin_curve, grid_sweep
+    stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
+                 required_damping_map, damping_sweep, disc_margin_curve, grid_sweep
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
     time         simulate, settled_envelope, verify
     review       assess, plot_bode and the other plots, write_report, write_figures
@@ -39,6 +39,7 @@ _ROOMS = {
     "stability": (
         "grid_sweep",
         "margins",
+        "margin_table",
         "nichols_disc_margin",
         "root_locus",
         "danger_zone",

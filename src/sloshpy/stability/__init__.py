@@ -3,7 +3,9 @@
 from sloshpy.stability.damping_law import DampingLawCurve, damping_law_curve
 from sloshpy.stability.danger_zone import DangerZone, RequiredDampingMap, danger_zone, required_damping_map
 from sloshpy.stability.grid import GridSweep, grid_sweep
+from sloshpy.stability.margin_table import MarginTable, margin_table
 from sloshpy.stability.margins import Margins, loop_margins, margins
+from sloshpy.stability.mode_margins import ModeMargins, Reading
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping, required_damping
 from sloshpy.stability.root_locus import RootLocus, root_locus
@@ -15,7 +17,10 @@ __all__ = [
     "DangerZone",
     "DiscMarginCurve",
     "GridSweep",
+    "MarginTable",
     "Margins",
+    "ModeMargins",
+    "Reading",
     "RequiredDamping",
     "RequiredDampingMap",
     "RootLocus",
@@ -27,6 +32,7 @@ __all__ = [
     "joint_damping",
     "loop_margins",
     "loop_required_damping",
+    "margin_table",
     "margins",
     "nichols_disc_margin",
     "required_damping",
