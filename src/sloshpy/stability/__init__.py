@@ -1,6 +1,7 @@
 """Margins, disc margin, root locus, danger zone and required damping, eqs 21-24, figs 4-6."""
 
 from sloshpy.stability.damping_law import DampingLawCurve, damping_law_curve
+from sloshpy.stability.damping_sensitivity import DampingSensitivity, damping_sensitivity
 from sloshpy.stability.danger_zone import DangerZone, RequiredDampingMap, danger_zone, required_damping_map
 from sloshpy.stability.grid import GridSweep, grid_sweep
 from sloshpy.stability.margin_table import MarginTable, margin_table
@@ -13,6 +14,7 @@ from sloshpy.stability.sweep import DampingSweep, DiscMarginCurve, damping_sweep
 
 __all__ = [
     "DampingLawCurve",
+    "DampingSensitivity",
     "DampingSweep",
     "DangerZone",
     "DiscMarginCurve",
@@ -25,6 +27,7 @@ __all__ = [
     "RequiredDampingMap",
     "RootLocus",
     "damping_law_curve",
+    "damping_sensitivity",
     "damping_sweep",
     "danger_zone",
     "disc_margin_curve",
