@@ -19,6 +19,7 @@ from sloshpy.stability import (
     required_damping,
     required_damping_map,
     root_locus,
+    track_modes,
 )
 
 CASE = paper_case()
@@ -27,6 +28,7 @@ RESULTS = {
     "margins of a batch": (lambda: margins(CASE, np.array([[0.01], [0.048]])), "1 unstable", "nichols_disc_margin"),
     "margin table": (lambda: margin_table(CASE, 0.048), "gain-stabilised", "delay"),
     "sensitivity": (lambda: damping_sensitivity(CASE, 0.048), "d growth per 1 %", "growth_slope"),
+    "mode tracks": (lambda: track_modes([CASE, CASE], np.array([0.0, 1.0]), 0.02), "LOX slosh", "participation"),
     "poles": (lambda: closed_loop_poles(open_loop(CASE, 0.0)), "13.56 s", "growth"),
     "response": (
         lambda: frequency_response(open_loop(CASE, 0.02), np.geomspace(1, 4, 20)),

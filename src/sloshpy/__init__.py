@@ -7,7 +7,8 @@ The public names, in reading order; each is loaded when it is first used.
     files        read_case, write_case, case_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
-                 required_damping_map, damping_sweep, damping_sensitivity, disc_margin_curve, grid_sweep
+                 required_damping_map, damping_sweep, damping_sensitivity, disc_margin_curve, grid_sweep,
+                 track_modes
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles
     time         simulate, settled_envelope, verify
     review       assess, plot_bode and the other plots, write_report, write_figures
@@ -48,6 +49,7 @@ _ROOMS = {
         "damping_sweep",
         "damping_sensitivity",
         "disc_margin_curve",
+        "track_modes",
     ),
     "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles"),
     "simulation": ("simulate", "settled_envelope", "verify"),
@@ -59,6 +61,7 @@ _ROOMS = {
         "plot_danger_zone",
         "plot_growth",
         "plot_limit_cycle",
+        "plot_mode_tracks",
         "plot_nichols",
         "plot_root_locus",
         "plot_time_history",

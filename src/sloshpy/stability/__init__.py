@@ -7,6 +7,7 @@ from sloshpy.stability.grid import GridSweep, grid_sweep
 from sloshpy.stability.margin_table import MarginTable, margin_table
 from sloshpy.stability.margins import Margins, loop_margins, margins
 from sloshpy.stability.mode_margins import ModeMargins, Reading
+from sloshpy.stability.mode_tracks import ModeTracks, Veering, track_modes
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping, required_damping
 from sloshpy.stability.root_locus import RootLocus, root_locus
@@ -22,10 +23,12 @@ __all__ = [
     "MarginTable",
     "Margins",
     "ModeMargins",
+    "ModeTracks",
     "Reading",
     "RequiredDamping",
     "RequiredDampingMap",
     "RootLocus",
+    "Veering",
     "damping_law_curve",
     "damping_sensitivity",
     "damping_sweep",
@@ -42,4 +45,5 @@ __all__ = [
     "required_damping_map",
     "root_locus",
     "telling_dampings",
+    "track_modes",
 ]

@@ -16,9 +16,10 @@ import numpy as np
 from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.plant import slosh_damping
-from sloshpy.dynamics.poles import Poles, characteristic_matrix, closed_loop_poles, polish
+from sloshpy.dynamics.poles import Poles, characteristic_matrix, closed_loop_poles
 from sloshpy.dynamics.response import at_reference, excess_damping, transfer
 from sloshpy.stability.margins import DISTANT, Margins, loop_margins
+from sloshpy.stability.mode_shape import null_vectors
 from sloshpy.units import Array, ComplexArray, Real
 
 if TYPE_CHECKING:
@@ -133,22 +134,15 @@ def damping_sensitivity(case: Case, damping: Real | None = None, amplitude: Real
 def pole_slope(loop: Loop, pole: complex) -> ComplexArray:
     """Return ds/d xi of one pole of one loop by each tank's damping ratio, (n_tanks,), rad/s; nan if it is double."""
     n = len(loop.plant.tanks)
-    exact = complex(polish(loop.along(), np.array([pole]))[0])
-    s = np.asarray(exact if np.isfinite(exact) else pole)
-    if not np.isfinite(s):
-        return np.full(n, np.nan, dtype=complex)
-    T, dT = characteristic_matrix(loop, s)
-    row, column = np.ones(len(T)), np.ones(len(T))
-    for _ in range(3):  # entries of one size: kilograms, metres and radians stand in one matrix
-        size = np.abs(row[:, None] * T * column)
-        row /= np.maximum(np.max(size, axis=1), 1e-300)
-        size = np.abs(row[:, None] * T * column)
-        column /= np.maximum(np.max(size, axis=0), 1e-300)
-    left, singular, right = np.linalg.svd(row[:, None] * T * column)
-    if singular[-2] < DOUBLE * singular[0]:
-        return np.full(n, np.nan, dtype=complex)
-    u, v = np.conj(left[:, -1]) * row, np.conj(right[-1]) * column
-    own = np.arange(len(T))[loop.plant.slosh]
+    nothing = np.full(n, np.nan, dtype=complex)
+    if not np.isfinite(pole):
+        return nothing
+    shape = null_vectors(loop, pole)
+    if shape.separation < DOUBLE:
+        return nothing
+    s, u, v = shape.pole, shape.left, shape.right
+    dT = characteristic_matrix(loop, np.asarray(s))[1]
+    own = np.arange(len(v))[loop.plant.slosh]
     change = s * slosh_damping(loop.plant, np.ones(n))
     return np.asarray(-u[own] * change * v[own] / (u @ dT @ v))
 
