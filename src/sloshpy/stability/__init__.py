@@ -7,11 +7,12 @@ from sloshpy.stability.grid import GridSweep, grid_sweep
 from sloshpy.stability.margin_table import MarginTable, margin_table
 from sloshpy.stability.margins import Margins, loop_margins, margins
 from sloshpy.stability.mode_margins import ModeMargins, Reading
-from sloshpy.stability.mode_tracks import ModeTracks, Veering, track_modes
+from sloshpy.stability.mode_tracks import ModeTracks, track_modes
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping, required_damping
 from sloshpy.stability.root_locus import RootLocus, root_locus
 from sloshpy.stability.sweep import DampingSweep, DiscMarginCurve, damping_sweep, disc_margin_curve, telling_dampings
+from sloshpy.stability.veering import Veering
 
 __all__ = [
     "DampingLawCurve",
