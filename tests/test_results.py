@@ -10,19 +10,25 @@ from sloshpy.dynamics import closed_loop_poles, frequency_response, open_loop
 from sloshpy.limit_cycle import growth_curve, limit_cycles, predict_limit_cycle
 from sloshpy.simulation import simulate
 from sloshpy.stability import (
+    damping_sensitivity,
     damping_sweep,
     danger_zone,
     disc_margin_curve,
+    margin_table,
     margins,
     required_damping,
     required_damping_map,
     root_locus,
+    track_modes,
 )
 
 CASE = paper_case()
 RESULTS = {
     "margins": (lambda: margins(CASE, 0.048), "1.0183", "nichols_disc_margin"),
     "margins of a batch": (lambda: margins(CASE, np.array([[0.01], [0.048]])), "1 unstable", "nichols_disc_margin"),
+    "margin table": (lambda: margin_table(CASE, 0.048), "gain-stabilised", "delay"),
+    "sensitivity": (lambda: damping_sensitivity(CASE, 0.048), "d growth per 1 %", "growth_slope"),
+    "mode tracks": (lambda: track_modes([CASE, CASE], np.array([0.0, 1.0]), 0.02), "LOX slosh", "participation"),
     "poles": (lambda: closed_loop_poles(open_loop(CASE, 0.0)), "13.56 s", "growth"),
     "response": (
         lambda: frequency_response(open_loop(CASE, 0.02), np.geomspace(1, 4, 20)),

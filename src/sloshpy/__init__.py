@@ -6,8 +6,9 @@ The public names, in reading order; each is loaded when it is first used.
     damping      ConstantDamping, PowerDamping, TableDamping, SumDamping
     files        read_case, write_case, case_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
-    stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
-                 damping_sweep, disc_margin_curve, grid_sweep
+    stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
+                 required_damping_map, damping_sweep, damping_sensitivity, disc_margin_curve, grid_sweep,
+                 track_modes
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles, two_axis_cycles
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
@@ -42,13 +43,16 @@ _ROOMS = {
     "stability": (
         "grid_sweep",
         "margins",
+        "margin_table",
         "nichols_disc_margin",
         "root_locus",
         "danger_zone",
         "required_damping",
         "required_damping_map",
         "damping_sweep",
+        "damping_sensitivity",
         "disc_margin_curve",
+        "track_modes",
     ),
     "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles", "two_axis_cycles"),
     "simulation": (
@@ -72,6 +76,7 @@ _ROOMS = {
         "plot_danger_zone",
         "plot_growth",
         "plot_limit_cycle",
+        "plot_mode_tracks",
         "plot_nichols",
         "plot_root_locus",
         "plot_time_history",

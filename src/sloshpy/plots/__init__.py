@@ -6,6 +6,7 @@ from sloshpy.plots.damping_sweep import plot_damping_sweep
 from sloshpy.plots.danger_zone import plot_danger_zone
 from sloshpy.plots.growth import plot_growth
 from sloshpy.plots.limit_cycle import plot_limit_cycle
+from sloshpy.plots.mode_tracks import plot_mode_tracks
 from sloshpy.plots.nichols import plot_nichols
 from sloshpy.plots.root_locus import plot_root_locus
 from sloshpy.plots.save import figure_bytes, save_figure
@@ -20,6 +21,7 @@ __all__ = [
     "plot_danger_zone",
     "plot_growth",
     "plot_limit_cycle",
+    "plot_mode_tracks",
     "plot_nichols",
     "plot_root_locus",
     "plot_time_history",

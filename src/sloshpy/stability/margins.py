@@ -177,7 +177,7 @@ def loop_margins(loop: Loop, criteria: Criteria, crossings: bool = True) -> Marg
     lists = [(*_minima(loop, curves, criteria), True)]
     for found in _crossings(loop, curves) if crossings else ((np.zeros(0, dtype=int), np.zeros(0), np.zeros(0)),) * 2:
         lists.append((*found, False))
-    points = [_padded(batch, i, w, v, _shares(loop, i, w), by_value) for i, w, v, by_value in lists]
+    points = [_padded(batch, i, w, v, mode_shares(loop, i, w), by_value) for i, w, v, by_value in lists]
     return Margins(
         stable=growth < 0.0,
         growth=growth,
@@ -251,7 +251,7 @@ def _nearest_at_the_start(curves: Curves, gain_margin: float, phase_margin: floa
     return np.asarray(starts[distance[starts] < distance[starts + 1]])
 
 
-def _shares(loop: Loop, index: IntArray, omega: Array) -> Array:
+def mode_shares(loop: Loop, index: IntArray, omega: Array) -> Array:
     """Return how the neutral frequency at each point follows each mode's own frequency, and the remainder, (K, n+1).
 
     Degrade the loop by a constant k so that k L(jw) = -1: its neutral frequency moves with w_j by
