@@ -92,6 +92,7 @@ def test_the_loop_is_read_at_the_damping_or_amplitude_asked_for(run, case, optio
         ("locus",),
         ("danger-zone",),
         ("limit-cycle",),
+        ("growth",),
         ("simulate", "--duration", "60 s"),
         ("simulate", "--degraded", "--duration", "60 s"),
     ],
@@ -111,6 +112,32 @@ def test_the_suffix_chooses_the_format(run, case, suffix, start):
     status, _, _ = run("limit-cycle", case, "-o", case.with_name(f"figure.{suffix}"))
     assert status == 0
     assert case.with_name(f"figure.{suffix}").read_bytes().startswith(start)
+
+
+def test_margins_of_every_mode_are_printed_with_status_by_stability(run, case):
+    status, out, _ = run("margins", case)
+    assert (status, "UNSTABLE" in out) == (1, True)
+    status, out, _ = run("margins", case, "--damping", "4.8%")
+    assert status == 0
+    assert "stays stable within 5.50 dB, or within 34.1 deg" in out  # alpha 0.613
+    assert "driven by" in out
+
+
+def test_two_axes_are_told_from_one_case_or_two(run, case):
+    status, out, _ = run("axes", case)
+    assert status == 0
+    assert "circular limit cycle at 0.3394 Hz, attracts: LOX 0.1905 x 0.1905 m" in out
+    weak = changed(case, "[autopilot]", '[autopilot]\ngain = "-1 dB"')
+    assert "elliptic" in run("axes", case, weak)[1]
+
+
+def test_noise_is_told_as_rms(run, case):
+    text = case.read_text(encoding="utf-8")
+    case.write_text(re.sub(r"damping = \{.*\}", 'damping = { law = "constant", ratio = 0.06 }', text), encoding="utf-8")
+    status, out, _ = run("noise", case, "--engine", "0.1 deg")
+    assert status == 0
+    assert "LOX slosh" in out
+    assert "damped 6 %" in out
 
 
 def test_report_and_figures_are_written(run, case):
@@ -150,6 +177,12 @@ def test_validate_schema_example_and_version_answer(run, case, monkeypatch, tmp_
         (("simulate", "upper_stage.toml", "--duration", "20"), "no unit"),
         (("simulate", "upper_stage.toml", "--delay=-1 s"), "delay"),
         (("simulate", "upper_stage.toml", "--gain", "2"), "dB"),
+        (("simulate", "upper_stage.toml", "--gust", "9 m/s"), "aerodynamics"),
+        (("simulate", "upper_stage.toml", "--gust", "9 m/s", "--gust-duration", "0 s"), "must be > 0 s"),
+        (("noise", "upper_stage.toml"), "--wind"),
+        (("noise", "upper_stage.toml", "--engine", "0.1"), "no unit"),
+        (("noise", "upper_stage.toml", "--engine", "0.1 deg", "--low", "9 Hz"), "low < high"),
+        (("noise", "upper_stage.toml", "--engine", "0.1 deg"), "by itself"),
         (("example", "no such"), "upper_stage"),
         (("example", "upper_stage"), "already"),
         (("assess",), "case"),

@@ -1,6 +1,7 @@
 """The command line: one subcommand per verb; it parses, calls and prints."""
 
 import json
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -15,11 +16,20 @@ from rich.text import Text
 
 from sloshpy.assess import Assessment, assess
 from sloshpy.case import Case
+from sloshpy.dynamics import closed_loop_poles, open_loop
 from sloshpy.errors import InputError, OutsideValidity, Problem
 from sloshpy.files import case_schema, example_names, read_case, write_example
-from sloshpy.limit_cycle import LimitCycle, predict_limit_cycle
-from sloshpy.simulation import simulate, verify
-from sloshpy.stability import damping_sweep, disc_margin_curve, margins, required_damping_map, root_locus
+from sloshpy.limit_cycle import LimitCycle, growth_curve, limit_cycles, predict_limit_cycle, two_axis_cycles
+from sloshpy.simulation import Noise, OneMinusCosine, forced_response, simulate, verify
+from sloshpy.stability import (
+    damping_sensitivity,
+    damping_sweep,
+    disc_margin_curve,
+    margin_table,
+    margins,
+    required_damping_map,
+    root_locus,
+)
 from sloshpy.units import Array, UnitError, parse
 
 app = cyclopts.App(
@@ -78,6 +88,19 @@ def assess_command(
     return 0 if review.verdict == "pass" else 1
 
 
+@app.command(name="margins")
+def margins_command(case: CaseFile, *, damping: Damping = None, amplitude: Amplitude = None) -> int:
+    """Print the margins of every mode, the closed-loop poles, and what each tank's damping does to them."""
+    read = read_case(case)
+    at = _read_at(read, damping, amplitude)
+    table = margin_table(read, **at)
+    print(table)
+    print("closed-loop poles")
+    print(closed_loop_poles(open_loop(read, **at)))
+    print(damping_sensitivity(read, **at))
+    return 0 if table.stable else 1
+
+
 @app.command
 def bode(case: CaseFile, *, damping: Dampings = None, tank: Tank = None, output: Output = None) -> int:
     """Draw the open-loop Bode diagram for a sweep of slosh damping (fig 5)."""
@@ -130,6 +153,49 @@ def danger_zone(case: CaseFile, *, tank: Tank = None, output: Output = None) -> 
 
 
 @app.command
+def growth(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+    """Print and draw how a tank's slosh mode grows over its amplitude, and every limit cycle of the loop as given."""
+    from sloshpy import plots  # as above
+
+    read, path = read_case(case), _figure(case, output, "growth")
+    curve = growth_curve(read, _tank(read, tank))
+    print(curve)
+    cycles = limit_cycles(read)
+    print("\n".join(f"  {cycle}" for cycle in cycles) or "  no limit cycle of the loop as given")
+    return _save(plots.plot_growth(curve, cycles), path)
+
+
+@app.command
+def axes(pitch: CaseFile, yaw: Annotated[Path | None, Parameter(help="case file of the yaw axis")] = None) -> int:
+    """Print the limit cycles of pitch and yaw together, and which of them attracts; without YAW both axes are equal."""
+    cycles = two_axis_cycles(read_case(pitch), None if yaw is None else read_case(yaw))
+    print("\n".join(str(cycle) for cycle in cycles) or "no limit cycle")
+    return 0
+
+
+@app.command
+def noise(
+    case: CaseFile,
+    *,
+    engine: Annotated[str | None, Parameter(help="rms of noise on the engine command, as in 0.1 deg")] = None,
+    wind: Annotated[str | None, Parameter(help="rms of the lateral wind, as in 3 m/s")] = None,
+    low: Annotated[str, Parameter(help="lowest frequency of the noise")] = "0.05 Hz",
+    high: Annotated[str, Parameter(help="highest frequency of the noise")] = "5 Hz",
+) -> int:
+    """Print the stationary rms of slosh and engine under noise of even power between two frequencies."""
+    read = read_case(case)
+    if engine is None and wind is None:
+        raise _refused("--engine", "", "or --wind is needed", 'write --engine "0.1 deg"')
+    ends = [_quantity(f"--{name}", text, "rad/s") for name, text in (("low", low), ("high", high))]
+    parts = [
+        None if text is None else Noise(rms=_quantity(option, text, unit), low=ends[0], high=ends[1])
+        for option, text, unit in (("--engine", engine, "rad"), ("--wind", wind, "m/s"))
+    ]
+    print(forced_response(read, *parts))
+    return 0
+
+
+@app.command
 def limit_cycle(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
     """Predict the limit cycle under degraded margins by the paper's five steps and draw it (fig 8)."""
     from sloshpy import plots  # as above
@@ -155,6 +221,8 @@ def simulate_command(
     degraded: Annotated[
         bool, Parameter(negative="", help="add the gain and delay that the five steps predict to be neutral")
     ] = False,
+    gust: Annotated[str | None, Parameter(help="peak of a 1-cosine gust at 10 s, as in 9 m/s")] = None,
+    gust_duration: Annotated[str, Parameter(help="length of the gust")] = "2 s",
     damping: Damping = None,
     tank: Tank = None,
     output: Output = None,
@@ -179,6 +247,7 @@ def simulate_command(
         _quantity("--duration", duration, "s"),
         start,
         None if damping is None else _damping(read, damping),
+        wind=None if gust is None else _gust(gust, gust_duration),
     )
     print(result)
     return _save(plots.plot_time_history(result), path)
@@ -238,6 +307,9 @@ def main(words: Sequence[str] | None = None) -> None:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)
         status = 2
+    except BrokenPipeError:  # the reader, `head` say, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 1
     except (OutsideValidity, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         status = 2
@@ -294,6 +366,13 @@ def _print_review(review: Assessment) -> None:
 
 def _accepted(result: LimitCycle) -> int:
     return 0 if result.acceptable else 1
+
+
+def _gust(peak: str, duration: str) -> OneMinusCosine:
+    length = _quantity("--gust-duration", duration, "s")
+    if not length > 0.0:
+        raise _refused("--gust-duration", duration, "must be > 0 s", 'write "2 s"')
+    return OneMinusCosine(size=_quantity("--gust", peak, "m/s"), duration=length, start=10.0)
 
 
 def _read_at(case: Case, damping: str | None, amplitude: str | None) -> dict[str, Array]:

@@ -15,7 +15,7 @@ from sloshpy.files.write import write_whole
 from sloshpy.plots import figure_bytes
 from sloshpy.report.figures import ReportFigure, figures
 from sloshpy.report.inputs import input_rows
-from sloshpy.report.tables import criteria_table, cycle_table, margin_table, mode_table, tank_table
+from sloshpy.report.tables import by_mode_table, criteria_table, crossing_table, cycle_table, mode_table, tank_table
 
 METHOD = (
     ("Equations of motion", "eqs 1 to 12, with the signs that make the mass matrix symmetric"),
@@ -57,7 +57,8 @@ def report_html(assessment: Assessment) -> str:
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     pages = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     trusted, m = assessment.margins.trusted, assessment.margins
-    loop = [mode_table(assessment), margin_table(m, assessment.read_at), cycle_table(assessment)] if trusted else []
+    loop = [mode_table(assessment), by_mode_table(assessment), crossing_table(m, assessment.read_at)] if trusted else []
+    loop += [cycle_table(assessment)] if trusted else []
     return pages.get_template("template.html").render(
         a=assessment,
         version=importlib.metadata.version("sloshpy"),

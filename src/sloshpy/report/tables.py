@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sloshpy.assess import Assessment, TankReview
-from sloshpy.stability import Margins
+from sloshpy.stability import Margins, margin_table
 from sloshpy.stability.margins import in_unit
 from sloshpy.units import Array, decibel
 
@@ -111,7 +111,20 @@ def mode_table(assessment: Assessment) -> Table:
     return Table(title=f"Closed-loop modes ({assessment.read_at})", head=head, rows=rows, note=note)
 
 
-def margin_table(margins: Margins, read_at: str) -> Table:
+def by_mode_table(assessment: Assessment) -> Table:
+    """Return the margins by mode, each kind in its own column."""
+    found = margin_table(assessment.case, damping=assessment.margins.source.damping)
+    head = tuple(f"{c.name} [{c.unit}]" if c.unit else c.name for c in found.shown)
+    return Table(
+        title=f"Margins by mode ({assessment.read_at})",
+        head=("Mode", *head, ""),
+        rows=[(row.mode, *(c.text(row) for c in found.shown), row.label) for row in found.rows],
+        note=f"{'. '.join(found.verdict())}. A gain or phase limits the mode whose pole crosses there; nichols is "
+        "eq 24, modulus the least |1 + L|, disk the balanced disk margin: three different distances.",
+    )
+
+
+def crossing_table(margins: Margins, read_at: str) -> Table:
     """Return every minimum of the disc margin and every crossing with the mode it belongs to."""
     rows = []
     for name, points, unit in (

@@ -51,7 +51,7 @@ def _lobe(row: ModeMargins) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Column:
+class Column:
     """A column of the printed table; "-" where nothing limits the mode."""
 
     name: str
@@ -62,25 +62,21 @@ class _Column:
 
 
 SHOWN = (
-    _Column(
-        name="gain up", unit="dB", width=7, when="stable", text=lambda r: _known(decibels(r.gain_up.value), "+.2f")
-    ),
-    _Column(name="down", unit="dB", width=7, when="stable", text=lambda r: _known(decibels(r.gain_down.value), "+.2f")),
-    _Column(
+    Column(name="gain up", unit="dB", width=7, when="stable", text=lambda r: _known(decibels(r.gain_up.value), "+.2f")),
+    Column(name="down", unit="dB", width=7, when="stable", text=lambda r: _known(decibels(r.gain_down.value), "+.2f")),
+    Column(
         name="needed", unit="dB", width=7, when="unstable", text=lambda r: _known(decibels(r.gain_needed.value), "+.2f")
     ),
-    _Column(
-        name="lag", unit="deg", width=6, when="stable", text=lambda r: _known(np.degrees(r.phase_lag.value), ".1f")
-    ),
-    _Column(
+    Column(name="lag", unit="deg", width=6, when="stable", text=lambda r: _known(np.degrees(r.phase_lag.value), ".1f")),
+    Column(
         name="lead", unit="deg", width=6, when="stable", text=lambda r: _known(np.degrees(r.phase_lead.value), ".1f")
     ),
-    _Column(name="delay", unit="s", width=7, when="stable", text=lambda r: _known(r.delay.value, ".4g")),
-    _Column(name="nichols", unit="", width=8, text=lambda r: _known(r.nichols.value, ".4f")),
-    _Column(name="at", unit="Hz", width=7, text=lambda r: _known(r.nichols.omega / (2.0 * np.pi), ".4f")),
-    _Column(name="modulus", unit="", width=7, when="stable", text=lambda r: _known(r.modulus.value, ".4f")),
-    _Column(name="disk", unit="", width=7, when="stable", text=lambda r: _known(r.disk.value, ".4f")),
-    _Column(name="lobe's peak", unit="dB    deg", width=12, text=_lobe),
+    Column(name="delay", unit="s", width=7, when="stable", text=lambda r: _known(r.delay.value, ".4g")),
+    Column(name="nichols", unit="", width=8, text=lambda r: _known(r.nichols.value, ".4f")),
+    Column(name="at", unit="Hz", width=7, text=lambda r: _known(r.nichols.omega / (2.0 * np.pi), ".4f")),
+    Column(name="modulus", unit="", width=7, when="stable", text=lambda r: _known(r.modulus.value, ".4f")),
+    Column(name="disk", unit="", width=7, when="stable", text=lambda r: _known(r.disk.value, ".4f")),
+    Column(name="lobe's peak", unit="dB    deg", width=12, text=_lobe),
 )
 
 
@@ -102,6 +98,11 @@ class MarginTable:
         """Whether the loop is stable beyond rounding; if not, it has no margins."""
         return bool(self.source.stable) and not bool(self.source.neutral)
 
+    @property
+    def shown(self) -> tuple[Column, ...]:
+        """The columns worth printing: an unstable loop has no margins."""
+        return tuple(c for c in SHOWN if c.when in ("always", "stable" if self.stable else "unstable"))
+
     def row(self, mode: str) -> ModeMargins:
         """Return the row of a mode by its name, as "LOX slosh"."""
         return next(row for row in self.rows if row.mode == mode)
@@ -118,7 +119,7 @@ class MarginTable:
         return ("", Reading(end, np.nan)) if reading.value > end else (row.mode, reading)
 
     def __str__(self) -> str:
-        shown = [c for c in SHOWN if c.when in ("always", "stable" if self.stable else "unstable")]
+        shown = self.shown
         wide = max(len(row.mode) for row in self.rows)
         lines = [
             f"  {'':{wide}s} " + " ".join(f"{text:>{c.width}s}" for c, text in zip(shown, texts, strict=True))
@@ -127,9 +128,10 @@ class MarginTable:
         for row in self.rows:
             cells = " ".join(f"{c.text(row):>{c.width}s}" for c in shown)
             lines.append(f"  {row.mode:{wide}s} {cells}  {row.label}".rstrip())
-        return "\n".join([*self._verdict(), *(line.rstrip() for line in lines)])
+        return "\n".join([*self.verdict(), *(line.rstrip() for line in lines)])
 
-    def _verdict(self) -> list[str]:
+    def verdict(self) -> list[str]:
+        """Return what holds for the loop as a whole, in one or two lines."""
         m = self.source
         lines = []
         if self.growing:
