@@ -133,7 +133,9 @@ def test_two_axes_are_told_from_one_case_or_two(run, case):
 
 def test_noise_is_told_as_rms(run, case):
     text = case.read_text(encoding="utf-8")
-    case.write_text(re.sub(r'law = "power"\nslope = .*\nexponent = .*', 'law = "constant"\nratio = 0.06', text), "utf-8")
+    case.write_text(
+        re.sub(r'law = "power"\nslope = .*\nexponent = .*', 'law = "constant"\nratio = 0.06', text), "utf-8"
+    )
     status, out, _ = run("noise", case, "--engine", "0.1 deg")
     assert status == 0
     assert "LOX slosh" in out

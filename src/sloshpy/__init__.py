@@ -7,8 +7,8 @@ The public names, in reading order; each is loaded when it is first used.
     files        read_case, write_case, case_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
-                 required_damping_map, damping_sweep, damping_sensitivity, disc_margin_curve, grid_sweep,
-                 track_modes
+                 required_damping_map, required_scale, damping_sweep, damping_sensitivity, disc_margin_curve,
+                 grid_sweep, track_modes
     limit cycle  predict_limit_cycle, growth_curve, limit_cycles, two_axis_cycles
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
@@ -49,6 +49,7 @@ _ROOMS = {
         "danger_zone",
         "required_damping",
         "required_damping_map",
+        "required_scale",
         "damping_sweep",
         "damping_sensitivity",
         "disc_margin_curve",

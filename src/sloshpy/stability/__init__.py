@@ -10,6 +10,7 @@ from sloshpy.stability.mode_margins import ModeMargins, Reading
 from sloshpy.stability.mode_tracks import ModeTracks, track_modes
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping, required_damping
+from sloshpy.stability.required_scale import RequiredScale, required_scale
 from sloshpy.stability.root_locus import RootLocus, root_locus
 from sloshpy.stability.sweep import DampingSweep, DiscMarginCurve, damping_sweep, disc_margin_curve, telling_dampings
 from sloshpy.stability.veering import Veering
@@ -28,6 +29,7 @@ __all__ = [
     "Reading",
     "RequiredDamping",
     "RequiredDampingMap",
+    "RequiredScale",
     "RootLocus",
     "Veering",
     "damping_law_curve",
@@ -44,6 +46,7 @@ __all__ = [
     "nichols_disc_margin",
     "required_damping",
     "required_damping_map",
+    "required_scale",
     "root_locus",
     "telling_dampings",
     "track_modes",

@@ -117,8 +117,8 @@ def loop_required_damping(
         growth, short = shortfall(ratio, index)
         return np.where(growth < axis, np.maximum(short, -1e3), disc_margin)  # -inf where no minimum is the tank's
 
-    neutral = _supremum(growth >= axis, grid, growing)
-    required = _supremum((growth >= axis) | (short > 0.0), grid, lacking)
+    neutral = supremum(growth >= axis, grid, growing)
+    required = supremum((growth >= axis) | (short > 0.0), grid, lacking)
     omega = np.full(size, np.nan)
     known = np.flatnonzero(np.isfinite(required))
     if len(known):
@@ -165,7 +165,7 @@ def joint_damping(case: Case) -> Array:
 
     def least_of(damping: Callable[[Array], Array], levels: Array) -> float:
         bad = lacking(damping(levels))[None, :] > 0.0
-        return float(_supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
+        return float(supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
 
     if most > 0.0:
         amplitude = least_of(at_amplitude, grid * most)
@@ -193,7 +193,7 @@ def _with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
     return replace(one, damping=damping)
 
 
-def _supremum(bad: BoolArray, grid: Array, function: Any) -> Array:
+def supremum(bad: BoolArray, grid: Array, function: Any) -> Array:
     """Return the greatest damping that is bad, refined between the last bad level and the next; 0 if none, nan if all.
 
     Args:
