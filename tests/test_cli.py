@@ -91,6 +91,7 @@ def test_the_loop_is_read_at_the_damping_or_amplitude_asked_for(run, case, optio
         ("sweep",),
         ("locus",),
         ("danger-zone",),
+        ("danger-zone", "--all"),
         ("limit-cycle",),
         ("growth",),
         ("simulate", "--duration", "60 s"),

@@ -75,6 +75,7 @@ _ROOMS = {
         "plot_damping_law",
         "plot_damping_sweep",
         "plot_danger_zone",
+        "plot_danger_zones",
         "plot_growth",
         "plot_limit_cycle",
         "plot_mode_tracks",

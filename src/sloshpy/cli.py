@@ -142,11 +142,21 @@ def locus(case: CaseFile, *, damping: Damping = None, output: Output = None) -> 
 
 
 @app.command
-def danger_zone(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+def danger_zone(
+    case: CaseFile,
+    *,
+    tank: Tank = None,
+    every: Annotated[bool, Parameter(name="--all", negative="", help="every tank in one figure")] = False,
+    output: Output = None,
+) -> int:
     """Print the danger zone and draw the damping needed along the vehicle."""
     from sloshpy import plots  # as above
 
     read, path = read_case(case), _figure(case, output, "danger-zone")
+    if every:
+        maps = [required_damping_map(read, j) for j in range(len(read.vehicle.tanks))]
+        print("\n".join(str(one) for one in maps))
+        return _save(plots.plot_danger_zones(maps), path)
     result = required_damping_map(read, _tank(read, tank))
     print(result)
     return _save(plots.plot_danger_zone(result), path)
