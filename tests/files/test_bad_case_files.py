@@ -65,7 +65,7 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "text in a list": ("  0.02,", '  "x",', (33, "autopilot filter 1 denominator 1", '"x"', "must start with a number", ONE)),
     "number for list": ("numerator = [1.0]", "numerator = 1.0", (31, "autopilot filter 1 numerator", "1.0", "must be a list", "write it in [ ]")),
     "empty list": ("numerator = [1.0]", "numerator = []", (31, "autopilot filter 1 numerator", "[]", "must not be empty", "give at least one")),
-    "number for table": (GAIN, f"{GAIN}\nactuator = 3", (28, "autopilot actuator", "3", "must be a table", "its keys are damping, deflection_limit, frequency, rate_limit")),
+    "number for table": (GAIN, f"{GAIN}\nactuator = 3", (28, "autopilot actuator", "3", "must be a table", "its keys are damping, deadband, deflection_limit, frequency, rate_limit")),
     "number for damping": (POWER, "0.01", (14, 'tank "LOX" damping', "0.01", "must be a table", 'write { law = "constant", ratio = 0.01 } or another law')),
     "number for name": ('name = "LOX"', "name = 3", (10, "tank 1 name", "3", "must be a text", "write it in quotation marks")),
     "name with a line end": ('name = "LOX"', 'name = "L\\nX"', (10, "tank 1 name", '"L\\nX"', "must be 1 to 64 letters, digits, spaces, _ . or -, the first a letter or digit", "rename it")),

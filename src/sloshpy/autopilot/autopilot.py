@@ -22,6 +22,9 @@ class Actuator(BaseModel):
     damping: Annotated[float, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)]
     deflection_limit: Annotated[float, Quantity("rad", "", "largest engine angle", above=0.0)] | None = None
     rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0)] | None = None
+    deadband: (
+        Annotated[float, Quantity("rad", "", "half width of the command's dead band about zero", above=0.0)] | None
+    ) = None
 
 
 class Filter(BaseModel):

@@ -72,7 +72,7 @@ class Follower:
         The branch ends early where the laws' data end, where a tank is damped as no slosh is, or where Newton's method
         finds no way on.
         """
-        first = self.at(low, self._small(pole, low))
+        first = self.at(low, self.small(pole, low))
         if first is None:
             return ()
         modes, y = [first], self._pack(first)
@@ -103,7 +103,7 @@ class Follower:
         found = self._corrected(start + share * way, way / np.linalg.norm(way))
         return None if found is None else self._unpack(found[0])
 
-    def _small(self, pole: complex, amplitude: float) -> Mode:
+    def small(self, pole: complex, amplitude: float) -> Mode:
         """Return the mode of the loop at its own damping."""
         S, _, engine = slosh_stiffness(self.loop, pole)
         D = slosh_damping(self.loop.plant, self.loop.damping)

@@ -23,7 +23,8 @@ from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import RELATIVE, Follower, Mode, slosh_stiffness
-from sloshpy.limit_cycle.growth import follow
+from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, has_limits, limited_mode, limited_modes
+from sloshpy.limit_cycle.growth import amplitude_range, follow
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -82,6 +83,8 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     single(case, "limit_cycles")
     if not any(_varies(case, j) for j in range(len(case.vehicle.tanks))):
         return ()
+    if has_limits(case.autopilot.actuator):
+        return _limited(case)
     loop = open_loop(case)
     growing = [p for p in closed_loop_poles(loop).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
     if len(growing) > 1:
@@ -92,6 +95,38 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
         for mode in _zeros(follower, follow(case, j)):
             cycle = _cycle(case, follower, mode)
             if not any(_same(cycle, other) for other in found):
+                found.append(cycle)
+    return tuple(found)
+
+
+def _limited(case: Case) -> tuple[Cycle, ...]:
+    """Return the cycles of a loop whose actuator has limits or a dead band; its linear loop says little of them."""
+    from scipy.optimize import brentq  # 0.3 s: only where a limit cycle may be
+
+    found: list[Cycle] = []
+    loop = open_loop(case)
+    for j, tank in enumerate(case.vehicle.tanks):
+        low, high = amplitude_range(tank.damping)
+        amplitude = np.geomspace(low, high, POINTS)
+        modes = limited_modes(case, j, amplitude)
+        for k in range(len(amplitude) - 1):
+            one, other = modes[k], modes[k + 1]
+            if one is None or other is None or one.mode.pole.real * other.mode.pole.real >= 0.0:
+                continue
+
+            def at(a: float, j: int = j, near: LimitedMode = one) -> LimitedMode:
+                solved = limited_mode(case, loop, j, a, near.mode, near.kappa)
+                if solved is None:
+                    raise OutsideValidity(f"the engine at its limits has no settled answer at {a:.3g} m: simulate it")
+                return solved
+
+            a = float(brentq(lambda a, at=at: at(a).mode.pole.real, amplitude[k], amplitude[k + 1], xtol=1e-10))
+            h = 1e-4
+            steep = (at(a * (1.0 + h)).mode.pole.real - at(a * (1.0 - h)).mode.pole.real) / (2.0 * h)
+            solved = at(a)
+            bare = _cycle(case, Follower(loop=loop, laws=[], tank=j), solved.mode)
+            cycle = replace(bare, tvc_amplitude=solved.peak, disturbance=steep)
+            if not any(_same(cycle, seen) for seen in found):
                 found.append(cycle)
     return tuple(found)
 
@@ -132,7 +167,7 @@ def _cycle(case: Case, follower: Follower, mode: Mode) -> Cycle:
         omega=mode.pole.imag,
         slosh_amplitude={t.name: float(A) for t, A in zip(case.vehicle.tanks, mode.slosh, strict=True)},
         tvc_amplitude=mode.tvc,
-        disturbance=disturbance_growth(follower, mode),
+        disturbance=disturbance_growth(follower, mode) if follower.laws else np.nan,
     )
 
 

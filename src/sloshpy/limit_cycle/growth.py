@@ -12,6 +12,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case
+from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.limit_cycle.branch import Follower, Mode
@@ -142,15 +143,20 @@ def follow(case: Case, tank: int, high: float | None = None, low: float | None =
     """
     loop, laws = open_loop(case), [t.damping for t in case.vehicle.tanks]
     law = laws[tank]
-    most = law.largest_amplitude if np.isfinite(law.largest_amplitude) else float(law.amplitude(0.3))
-    if not (np.isfinite(most) and most > 0.0):
-        most = 1.0  # m: a constant law has no scale of its own
-    high = most if high is None else high
+    high = amplitude_range(law)[1] if high is None else high
     start = min(SMALL * high, high if low is None else low)
     poles = closed_loop_poles(loop)
     pole = complex(poles.value[poles.tank.index(loop.plant.tanks[tank])])
     follower = Follower(loop=loop, laws=laws, tank=tank)
     return follower.along(pole, max(start, law.smallest_amplitude), high)
+
+
+def amplitude_range(law: DampingLaw) -> tuple[float, float]:
+    """Return least and greatest amplitude in m worth following: to where the law gives 0.3 or its data end."""
+    most = law.largest_amplitude if np.isfinite(law.largest_amplitude) else float(law.amplitude(0.3))
+    if not (np.isfinite(most) and most > 0.0):
+        most = 1.0  # m: a constant law has no scale of its own
+    return max(SMALL * most, law.smallest_amplitude), most
 
 
 def _curve(case: Case, tank: int, modes: tuple[Mode, ...]) -> GrowthCurve:

@@ -13,6 +13,7 @@ import numpy as np
 
 from sloshpy.autopilot import Autopilot
 from sloshpy.autopilot.blocks import filter_block
+from sloshpy.autopilot.motion import actuator_motion
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
@@ -252,16 +253,8 @@ class _Model:
         """Return rate and acceleration of the engine; at a limit it does not move outward."""
         a = self._actuator
         assert a is not None
-        stop, fastest = a.deflection_limit, a.rate_limit
-        if stop is not None:
-            command = min(max(command, -stop), stop)
-        acceleration = a.frequency**2 * (command - angle) - 2.0 * a.damping * a.frequency * rate
-        if fastest is not None and abs(rate) >= fastest:
-            rate = fastest if rate > 0.0 else -fastest
-            acceleration = min(acceleration, 0.0) if rate > 0.0 else max(acceleration, 0.0)
-        if stop is not None and abs(angle) >= stop and rate * angle > 0.0:
-            rate = 0.0
-        return rate, acceleration
+        stop, fastest = (np.inf if x is None else x for x in (a.deflection_limit, a.rate_limit))
+        return actuator_motion(angle, rate, command, a.frequency, a.damping, stop, fastest, a.deadband or 0.0)
 
 
 def _step(loop: Loop, most: float | None) -> tuple[float, int]:

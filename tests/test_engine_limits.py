@@ -1,0 +1,81 @@
+"""Limit cycles with the engine at its limits, against simulation and closed forms of the describing functions."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cases import paper_case
+from sloshpy.autopilot import Actuator
+from sloshpy.limit_cycle import limit_cycles
+from sloshpy.limit_cycle.engine_limits import actuator_factor
+from sloshpy.simulation import simulate
+
+DEGRADED = {"gain": 10 ** (4.4 / 20), "delay": 0.17}
+
+
+def test_a_fast_actuator_with_a_stop_has_the_saturations_describing_function():
+    """(2/pi)(asin r + r sqrt(1 - r^2)), r = stop over command."""
+    fast = Actuator(frequency=1e4, damping=1.0, deflection_limit=1e-3)
+    for command in (1.5e-3, 3e-3, 1e-2):
+        r = 1e-3 / command
+        factor, peak = actuator_factor(fast, command, 10.0)
+        assert factor == pytest.approx(2 / math.pi * (math.asin(r) + r * math.sqrt(1 - r * r)), rel=2e-3)
+        assert peak == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_a_fast_actuator_with_a_dead_band_has_its_describing_function():
+    fast = Actuator(frequency=1e4, damping=1.0, deadband=1e-3)
+    for command in (1.2e-3, 3e-3, 1e-2):
+        r = 1e-3 / command
+        closed = 1 - 2 / math.pi * (math.asin(r) + r * math.sqrt(1 - r * r))
+        assert actuator_factor(fast, command, 10.0)[0] == pytest.approx(closed, abs=2e-3)
+    assert abs(actuator_factor(fast, 0.9e-3, 10.0)[0]) < 1e-8
+
+
+def test_far_beyond_its_rate_an_engine_moves_in_a_triangle():
+    """Slope R, period 2 pi/W: peak R pi/(2W), fundamental 8/pi^2 of it, a quarter turn behind."""
+    slow = Actuator(frequency=1e3, damping=1.0, rate_limit=0.01)
+    factor, peak = actuator_factor(slow, 0.5, 2.0)
+    assert peak == pytest.approx(0.01 * math.pi / 4, rel=0.02)
+    assert abs(factor) * 0.5 == pytest.approx(8 / math.pi**2 * 0.01 * math.pi / 4, rel=0.02)
+    assert math.degrees(np.angle(factor)) == pytest.approx(-90.0, abs=3.0)
+
+
+def test_within_its_limits_an_engine_is_linear():
+    calm = Actuator(frequency=30.0, damping=0.7, deflection_limit=0.1, rate_limit=1.0)
+    assert actuator_factor(calm, 1e-3, 2.0)[0] == 1.0
+    (cycle,), (plain,) = (limit_cycles(paper_case(actuator=a)) for a in (calm, Actuator(frequency=30.0, damping=0.7)))
+    assert cycle.slosh_amplitude["LOX"] == pytest.approx(plain.slosh_amplitude["LOX"], rel=1e-6)
+    assert cycle.tvc_amplitude == pytest.approx(plain.tvc_amplitude, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limits", "autopilot"),
+    [({"deflection_limit": 2e-3}, DEGRADED), ({"rate_limit": 1.5e-3}, {}), ({"deadband": 1e-4}, {})],
+    ids=["stop", "rate", "dead band"],
+)
+def test_the_cycle_at_a_limit_is_the_simulated_one(limits, autopilot):
+    """T31: a stop of 2 mrad makes 0.32 m of what would be 0.447 m."""
+    case = paper_case(actuator=Actuator(frequency=60.0, damping=0.7, **limits), **autopilot)
+    stable = [c for c in limit_cycles(case) if c.stable]
+    (cycle,) = stable
+    a = cycle.slosh_amplitude["LOX"]
+    run = simulate(case, 350.0, 0.95 * a)
+    # the clipped engine's third harmonic is left out: half a percent
+    assert a == pytest.approx(run.slosh_envelope().amplitude, rel=6e-3)
+    assert cycle.omega == pytest.approx(run.slosh_envelope().omega, rel=2e-3)
+    last = run.tvc[run.time > 300.0]
+    assert cycle.tvc_amplitude == pytest.approx(0.5 * np.ptp(last), rel=1.5e-2)
+    if "deflection_limit" in limits:
+        assert a == pytest.approx(0.320, rel=1e-2)
+
+
+def test_a_dead_band_leaves_a_small_unstable_cycle_that_parts_rest_from_the_large_one():
+    case = paper_case(actuator=Actuator(frequency=60.0, damping=0.7, deadband=1e-4))
+    small, large = sorted(limit_cycles(case), key=lambda c: c.slosh_amplitude["LOX"])
+    assert (small.stable, large.stable) == (False, True)
+    a = small.slosh_amplitude["LOX"]
+    ends = [np.max(np.abs(simulate(case, 350.0, f * a).slosh[-500:])) for f in (0.85, 1.15)]
+    assert ends[0] < 0.8 * a
+    assert ends[1] > 1.5 * a
