@@ -8,7 +8,7 @@ The public names, in reading order; each is loaded when it is first used.
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
                  damping_sweep, disc_margin_curve, grid_sweep
-    limit cycle  predict_limit_cycle, growth_curve, limit_cycles
+    limit cycle  predict_limit_cycle, growth_curve, limit_cycles, periodic_orbit
     time         simulate, settled_envelope, verify
     review       assess, plot_bode and the other plots, write_report, write_figures
     exchange     to_control, response_to_control, from_control
@@ -47,7 +47,7 @@ _ROOMS = {
         "damping_sweep",
         "disc_margin_curve",
     ),
-    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles"),
+    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles", "periodic_orbit"),
     "simulation": ("simulate", "settled_envelope", "verify"),
     "assess": ("assess", "Assessment"),
     "plots": (

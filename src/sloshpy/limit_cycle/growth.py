@@ -143,6 +143,11 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     growing = [p for p in closed_loop_poles(open_loop(case)).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
+    return one_sinusoid_cycles(case)
+
+
+def one_sinusoid_cycles(case: Case) -> tuple[Cycle, ...]:
+    """Return where each slosh mode neither grows nor decays, as if it were alone: a start, not yet a prediction."""
     found: list[Cycle] = []
     for j in range(len(case.vehicle.tanks)):
         curve = growth_curve(case, j)
@@ -170,10 +175,8 @@ def _at(case: Case, loop: Loop, tank: int, a: float, start: _Mode) -> _Mode:
     w = loop.plant.tank_frequency
     nothing = np.full(len(laws), np.nan)
     pole, xi, step, before = start.pole, start.damping, 1.0, np.inf
-    for _ in range(ROUNDS):
-        if np.isnan(pole):
-            break
-        z = _shape(replace(loop, damping=xi), pole)
+    for _ in range(ROUNDS if not np.isnan(pole) else 0):
+        z = mode_shape(replace(loop, damping=xi), pole)
         slosh = a * np.abs(z) / np.abs(z[tank])
         wanted = ratios(laws, abs(pole.imag) * slosh / w)
         if np.any(np.isnan(wanted)):
@@ -183,13 +186,15 @@ def _at(case: Case, loop: Loop, tank: int, a: float, start: _Mode) -> _Mode:
         step = max(0.5 * step, 0.1) if change > 0.7 * before else step
         xi, before = xi + step * (wanted - xi), change
         moved = complex(polish(replace(loop, damping=xi), np.array(pole)))
+        if np.isnan(moved):
+            break
         if abs(moved - pole) < 1e-12 * abs(pole) and change < 1e-12:
             return _Mode(pole=moved, damping=xi, slosh=slosh, tvc=float(a / np.abs(z[tank])))
         pole = moved
     return _Mode(pole=complex(np.nan, np.nan), damping=nothing, slosh=nothing, tvc=np.nan)
 
 
-def _shape(loop: Loop, pole: complex) -> ComplexArray:
+def mode_shape(loop: Loop, pole: complex) -> ComplexArray:
     """Return the slosh amplitudes of a mode per engine angle."""
     z = np.atleast_1d(transfer(loop, np.array(pole)).slosh)
     if np.all(np.isfinite(z)) and np.any(z != 0.0):
