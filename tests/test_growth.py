@@ -7,6 +7,7 @@ import oracle
 from cases import paper_case
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.dynamics import closed_loop_poles, open_loop
+from sloshpy.files import read_case, write_example
 from sloshpy.limit_cycle import growth_curve, limit_cycles
 from sloshpy.simulation import simulate
 
@@ -75,3 +76,19 @@ def test_the_unstable_cycle_separates_the_basins_in_simulation():
 def test_growth_falls_with_amplitude_under_a_growing_law():
     curve = growth_curve(paper_case())
     assert np.all(np.diff(curve.growth) < 0)
+
+
+def test_a_cycle_where_damping_and_shape_do_not_settle_by_iteration_is_found(tmp_path):
+    """Two nearly equal tanks at 5 dB: an amplitude beside the cycle has no settled growth, the cycle is there."""
+    case = read_case(write_example("two_tanks", tmp_path))
+    case = case.model_copy(update={"autopilot": case.autopilot.degraded(10 ** (5.0 / 20.0))})
+    assert np.any(np.isnan(growth_curve(case, 0).growth))
+    (cycle,) = limit_cycles(case)
+    law = lambda a: 0.001 + 0.12 * a  # noqa: E731
+    A, W = oracle.coupled_limit_cycle(oracle.numbers(case, 0.0), [law, law], [0.2, 0.3], 2.13)
+    np.testing.assert_allclose(list(cycle.slosh_amplitude.values()), A, rtol=1e-7)
+    assert cycle.omega == pytest.approx(W, rel=1e-8)
+    assert cycle.stable
+    run = simulate(case, 250.0, A)
+    # 3e-3: one sinusoid against the simulation
+    assert run.slosh_envelope().amplitude == pytest.approx(A[0], rel=3e-3)

@@ -8,7 +8,8 @@ The public names, in reading order; each is loaded when it is first used.
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, nichols_disc_margin, root_locus, danger_zone, required_damping, required_damping_map,
                  damping_sweep, disc_margin_curve, grid_sweep
-    limit cycle  predict_limit_cycle, growth_curve, limit_cycles, periodic_orbit
+    limit cycle  predict_limit_cycle, growth_curve, limit_cycles, periodic_orbit,
+                 degradation_map
     time         simulate, settled_envelope, verify
     review       assess, plot_bode and the other plots, write_report, write_figures
     exchange     to_control, response_to_control, from_control
@@ -47,7 +48,7 @@ _ROOMS = {
         "damping_sweep",
         "disc_margin_curve",
     ),
-    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles", "periodic_orbit"),
+    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles", "periodic_orbit", "degradation_map"),
     "simulation": ("simulate", "settled_envelope", "verify"),
     "assess": ("assess", "Assessment"),
     "plots": (
@@ -55,6 +56,7 @@ _ROOMS = {
         "plot_damping_law",
         "plot_damping_sweep",
         "plot_danger_zone",
+        "plot_degradation_map",
         "plot_growth",
         "plot_limit_cycle",
         "plot_nichols",

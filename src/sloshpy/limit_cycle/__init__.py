@@ -1,14 +1,17 @@
-"""The limit cycles of slosh and engine: five steps (sec C.2-C.3, figs 7-8), growth curve, exact periodic orbit."""
+"""The limit cycles of slosh and engine: five steps (sec C.2-C.3, figs 7-8), growth curve, exact orbit, map."""
 
+from sloshpy.limit_cycle.degradation_map import DegradationMap, degradation_map
 from sloshpy.limit_cycle.five_steps import LimitCycle, predict_limit_cycle
 from sloshpy.limit_cycle.growth import Cycle, GrowthCurve, growth_curve, limit_cycles
 from sloshpy.limit_cycle.periodic_orbit import PeriodicOrbit, periodic_orbit
 
 __all__ = [
     "Cycle",
+    "DegradationMap",
     "GrowthCurve",
     "LimitCycle",
     "PeriodicOrbit",
+    "degradation_map",
     "growth_curve",
     "limit_cycles",
     "periodic_orbit",

@@ -6,6 +6,7 @@ where sigma falls through it.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from sloshpy.dynamics.loop import Loop, open_loop, single
 from sloshpy.dynamics.poles import NEUTRAL, characteristic_matrix, closed_loop_poles, polish
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle.neutral import neutral_cycles
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -152,8 +154,13 @@ def one_sinusoid_cycles(case: Case) -> tuple[Cycle, ...]:
     for j in range(len(case.vehicle.tanks)):
         curve = growth_curve(case, j)
         sigma = curve.growth
-        for k in np.flatnonzero(sigma[:-1] * sigma[1:] < 0.0):
-            cycle = _cycle(case, j, curve, int(k))
+        known = np.flatnonzero(np.isfinite(sigma))
+        for k, m in pairwise(known):
+            if sigma[k] * sigma[m] >= 0.0:
+                continue
+            cycle = _cycle(case, j, curve, int(k)) if m == k + 1 else None
+            if cycle is None or not np.isfinite(cycle.omega):
+                cycle = _across(case, j, curve, int(k), int(m))
             if not any(_same(cycle, other) for other in found):
                 found.append(cycle)
     return tuple(found)
@@ -225,6 +232,30 @@ def _cycle(case: Case, tank: int, curve: GrowthCurve, k: int) -> Cycle:
         slosh_amplitude={t.name: float(A) for t, A in zip(case.vehicle.tanks, mode.slosh, strict=True)},
         tvc_amplitude=mode.tvc,
         stable=bool(curve.growth[k] > 0.0),
+    )
+
+
+def _across(case: Case, tank: int, curve: GrowthCurve, k: int, m: int) -> Cycle:
+    """Return the cycle between two amplitudes between which damping and mode shape did not settle by iteration."""
+    loop = open_loop(case)
+    one = replace(loop, damping=loop.damping[None])
+    laws = [t.damping for t in case.vehicle.tanks]
+    for part in (0.5, 0.25, 0.75, 0.0, 1.0):
+        slosh = curve.slosh[k] ** (1.0 - part) * curve.slosh[m] ** part
+        omega = (1.0 - part) * curve.pole[k].imag + part * curve.pole[m].imag
+        found = neutral_cycles(one, laws, tank, slosh[None], np.array([omega]))
+        a = found.slosh[0, tank]
+        if curve.amplitude[k] <= a <= curve.amplitude[m] and (found.slope[0] < 0.0) == (curve.growth[k] > 0.0):
+            return Cycle(
+                tank=curve.tank,
+                omega=float(found.omega[0]),
+                slosh_amplitude={t.name: float(A) for t, A in zip(case.vehicle.tanks, found.slosh[0], strict=True)},
+                tvc_amplitude=float(found.tvc[0]),
+                stable=bool(found.slope[0] < 0.0),
+            )
+    raise OutsideValidity(
+        f"{curve.tank} slosh becomes neutral between {curve.amplitude[k]:.3g} and {curve.amplitude[m]:.3g} m, but its "
+        "damping and its shape do not settle there: simulate it"
     )
 
 

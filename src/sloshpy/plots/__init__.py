@@ -4,6 +4,7 @@ from sloshpy.plots.bode import plot_bode
 from sloshpy.plots.damping_law import plot_damping_law
 from sloshpy.plots.damping_sweep import plot_damping_sweep
 from sloshpy.plots.danger_zone import plot_danger_zone
+from sloshpy.plots.degradation_map import plot_degradation_map
 from sloshpy.plots.growth import plot_growth
 from sloshpy.plots.limit_cycle import plot_limit_cycle
 from sloshpy.plots.nichols import plot_nichols
@@ -18,6 +19,7 @@ __all__ = [
     "plot_damping_law",
     "plot_damping_sweep",
     "plot_danger_zone",
+    "plot_degradation_map",
     "plot_growth",
     "plot_limit_cycle",
     "plot_nichols",
