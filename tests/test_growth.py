@@ -168,3 +168,15 @@ def test_two_cycles_between_two_points_of_the_curve_are_both_found():
     assert len(limit_cycles(paper_case(law(-5e-4)))) == 1
     cycles = limit_cycles(paper_case(law(2e-4)))
     assert [c.stable for c in sorted(cycles, key=lambda c: c.slosh_amplitude["LOX"])] == [True, False, True]
+
+
+def test_a_cycle_of_strongly_coupled_tanks_is_the_oracles():
+    """Two nearly equal tanks at 5 dB more gain: iteration of damping and shape fails beside this cycle."""
+    case = read_case(DATA / "two_tanks.toml")
+    case = case.model_copy(update={"autopilot": case.autopilot.degraded(10 ** (5.0 / 20.0))})
+    (cycle,) = limit_cycles(case)
+    law = lambda a: 0.001 + 0.12 * a  # noqa: E731
+    A, W = oracle.coupled_limit_cycle(oracle.numbers(case, 0.0), [law, law], [0.2, 0.3], 2.13)
+    np.testing.assert_allclose(list(cycle.slosh_amplitude.values()), A, rtol=1e-7)
+    assert cycle.omega == pytest.approx(W, rel=1e-8)
+    assert cycle.stable

@@ -7,7 +7,7 @@ import xarray as xr
 from cases import paper_case
 from sloshpy.assess import assess
 from sloshpy.dynamics import closed_loop_poles, frequency_response, open_loop
-from sloshpy.limit_cycle import growth_curve, limit_cycles, predict_limit_cycle
+from sloshpy.limit_cycle import degradation_map, growth_curve, limit_cycles, periodic_orbit, predict_limit_cycle
 from sloshpy.simulation import simulate
 from sloshpy.stability import (
     damping_sensitivity,
@@ -42,6 +42,12 @@ RESULTS = {
     "curve": (lambda: disc_margin_curve(CASE), "4.7358 %", "disc_margin"),
     "zone": (lambda: danger_zone(CASE), "13.1836 m behind", "aft"),
     "cycle": (lambda: limit_cycles(CASE)[0], "0.2244 m", "slosh"),
+    "orbit": (lambda: periodic_orbit(CASE), "stable periodic orbit at 0.3394 Hz", "slosh_real"),
+    "degradation": (
+        lambda: degradation_map(CASE, gain_db=np.array([0.0, 4.0]), delay=np.array([0.0, 0.1])),
+        "the paper's point: 4.304 dB",
+        "tvc",
+    ),
     "limit cycle": (lambda: predict_limit_cycle(CASE), "4.304 dB", "tvc_amplitude"),
     "growth": (lambda: growth_curve(CASE, amplitude=np.linspace(0.01, 0.5, 9)), "doubles in", "growth"),
     "history": (lambda: simulate(CASE, 20.0), "20.0 s", "slosh"),
@@ -71,6 +77,7 @@ def test_results_remember_what_they_were_made_from():
     assert danger_zone(CASE).case is CASE
     assert predict_limit_cycle(CASE).case is CASE
     assert growth_curve(CASE, amplitude=np.array([0.1])).case is CASE
+    assert periodic_orbit(CASE).case is CASE
     assert simulate(CASE, 5.0).case is CASE
 
 

@@ -9,7 +9,8 @@ The public names, in reading order; each is loaded when it is first used.
     stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
                  required_damping_map, required_scale, damping_sweep, damping_sensitivity, disc_margin_curve,
                  grid_sweep, track_modes
-    limit cycle  predict_limit_cycle, growth_curve, limit_cycles, two_axis_cycles
+    limit cycle  predict_limit_cycle, growth_curve, limit_cycles, two_axis_cycles, periodic_orbit,
+                 degradation_map
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     review       assess, plot_bode and the other plots, write_report, write_figures
@@ -55,7 +56,14 @@ _ROOMS = {
         "disc_margin_curve",
         "track_modes",
     ),
-    "limit_cycle": ("predict_limit_cycle", "growth_curve", "limit_cycles", "two_axis_cycles"),
+    "limit_cycle": (
+        "predict_limit_cycle",
+        "growth_curve",
+        "limit_cycles",
+        "two_axis_cycles",
+        "periodic_orbit",
+        "degradation_map",
+    ),
     "simulation": (
         "simulate",
         "simulate_ensemble",
@@ -76,6 +84,7 @@ _ROOMS = {
         "plot_damping_sweep",
         "plot_danger_zone",
         "plot_danger_zones",
+        "plot_degradation_map",
         "plot_growth",
         "plot_limit_cycle",
         "plot_mode_tracks",

@@ -13,7 +13,7 @@ from matplotlib.patches import Ellipse
 from sloshpy import plots
 from sloshpy.case import Case
 from sloshpy.errors import OutsideValidity
-from sloshpy.limit_cycle import LimitCycle, growth_curve, limit_cycles
+from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve, limit_cycles
 from sloshpy.plots.style import SMALL
 from sloshpy.simulation import TimeHistory, simulate_degraded
 from sloshpy.stability import (
@@ -39,6 +39,7 @@ def drawn(case: Case, sweep: DampingSweep, cycle: LimitCycle, history: TimeHisto
         "sweep": plots.plot_damping_sweep(disc_margin_curve(case, required=required)),
         "growth": plots.plot_growth(growth_curve(case), limit_cycles(case)),
         "law": plots.plot_damping_law(damping_law_curve(case, required)),
+        "degradation": plots.plot_degradation_map(degradation_map(case)),
     }
 
 
@@ -64,6 +65,7 @@ def title(ax: Axes) -> str:
         ("sweep", "[%]", ""),
         ("growth", "[m]", "[1/s]"),
         ("law", "[m]", "[%]"),
+        ("degradation", "[ms]", "[dB]"),
     ],
 )
 def test_axis_labels_carry_units(drawn: dict[str, Axes], name: str, x: str, y: str) -> None:
@@ -75,6 +77,7 @@ def test_axis_labels_carry_units(drawn: dict[str, Axes], name: str, x: str, y: s
     ("name", "words"),
     [
         ("nichols", "needs 4.74 % damping"),
+        ("degradation", "at most 0.27 deg, within the limit of 0.5 deg"),
         ("locus", "+0.0511 1/s"),
         ("zone", "needs 4.74 % slosh damping; below 2.39 % it is unstable"),
         ("tvc", "m/rad at 1.2 % damping"),

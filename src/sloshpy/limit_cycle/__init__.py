@@ -1,17 +1,23 @@
-"""The limit cycles of slosh and engine: the paper's five steps (sec C.2-C.3, figs 7-8) and the growth curve."""
+"""The limit cycles of slosh and engine: five steps (sec C.2-C.3, figs 7-8), growth curve, exact orbit, map."""
 
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
+from sloshpy.limit_cycle.degradation_map import DegradationMap, degradation_map
 from sloshpy.limit_cycle.five_steps import LimitCycle, predict_limit_cycle
 from sloshpy.limit_cycle.growth import GrowthCurve, growth_curve
+from sloshpy.limit_cycle.periodic_orbit import PeriodicOrbit, periodic_orbit
 from sloshpy.limit_cycle.two_axes import TwoAxisCycle, two_axis_cycles
 
 __all__ = [
     "Cycle",
+    "DegradationMap",
     "GrowthCurve",
     "LimitCycle",
+    "PeriodicOrbit",
     "TwoAxisCycle",
+    "degradation_map",
     "growth_curve",
     "limit_cycles",
+    "periodic_orbit",
     "predict_limit_cycle",
     "two_axis_cycles",
 ]

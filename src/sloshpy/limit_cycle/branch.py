@@ -105,17 +105,11 @@ class Follower:
 
     def small(self, pole: complex, amplitude: float) -> Mode:
         """Return the mode of the loop at its own damping."""
-        S, _, engine = slosh_stiffness(self.loop, pole)
-        D = slosh_damping(self.loop.plant, self.loop.damping)
-        z = np.conj(np.linalg.svd(self._row_scale[:, None] * (S + pole * np.diag(D)))[2][-1])
+        engine = slosh_stiffness(self.loop, pole)[2]
+        z = mode_shape(self.loop, pole)
         shape = z / (z[self.tank] if z[self.tank] != 0.0 else np.finfo(float).eps)
         tvc = amplitude * float(abs(engine @ shape))
         return Mode(amplitude=amplitude, pole=pole, damping=self.loop.damping, shape=shape, tvc=tvc)
-
-    @property
-    def _row_scale(self) -> Array:
-        p = self.loop.plant
-        return np.asarray(1.0 / (p.tank_mass * p.tank_frequency**2))
 
     @property
     def _own_frequency(self) -> float:
@@ -153,7 +147,7 @@ class Follower:
         slope = np.where(width > 0.0, (upper - lower) / np.where(width > 0.0, width, 1.0), 0.0)  # df/dA
         S, dS, _ = slosh_stiffness(self.loop, s)
         D, dD = slosh_damping(p, xi), slosh_damping(p, slope * A)  # dD is by ln A
-        scale = self._row_scale
+        scale = _row_scale(self.loop)
         M = scale[:, None] * (S + s * np.diag(D))
         G = M @ r
         by_s = (scale[:, None] * (dS + np.diag(D))) @ r
@@ -191,6 +185,17 @@ class Follower:
             if np.max(np.abs(step)) < 1e-11 * max(1.0, float(np.max(np.abs(y[1:])))):
                 return y, k
         return None
+
+
+def mode_shape(loop: Loop, pole: complex) -> ComplexArray:
+    """Return the complex slosh amplitudes of a closed-loop mode, (n_tanks,), of any common size and phase."""
+    S = slosh_stiffness(loop, pole)[0]
+    D = slosh_damping(loop.plant, loop.damping)
+    return np.asarray(np.conj(np.linalg.svd(_row_scale(loop)[:, None] * (S + pole * np.diag(D)))[2][-1]))
+
+
+def _row_scale(loop: Loop) -> Array:
+    return np.asarray(1.0 / (loop.plant.tank_mass * loop.plant.tank_frequency**2))
 
 
 def slosh_stiffness(loop: Loop, s: complex) -> tuple[ComplexArray, ComplexArray, ComplexArray]:

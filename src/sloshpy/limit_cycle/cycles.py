@@ -83,12 +83,16 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     single(case, "limit_cycles")
     if not any(_varies(case, j) for j in range(len(case.vehicle.tanks))):
         return ()
-    if has_limits(case.autopilot.actuator):
-        return _limited(case)
     loop = open_loop(case)
     growing = [p for p in closed_loop_poles(loop).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
+    return _limited(case) if has_limits(case.autopilot.actuator) else one_sinusoid_cycles(case)
+
+
+def one_sinusoid_cycles(case: Case) -> tuple[Cycle, ...]:
+    """Return where each slosh mode neither grows nor decays, as if it were alone: a start, not yet a prediction."""
+    loop = open_loop(case)
     found: list[Cycle] = []
     for j in range(len(case.vehicle.tanks)):
         follower = Follower(loop=loop, laws=[t.damping for t in case.vehicle.tanks], tank=j)
@@ -124,8 +128,11 @@ def _limited(case: Case) -> tuple[Cycle, ...]:
             h = 1e-4
             steep = (at(a * (1.0 + h)).mode.pole.real - at(a * (1.0 - h)).mode.pole.real) / (2.0 * h)
             solved = at(a)
-            bare = _cycle(case, Follower(loop=loop, laws=[], tank=j), solved.mode)
-            cycle = replace(bare, tvc_amplitude=solved.peak, disturbance=steep)
+            linear = solved.kappa == 1.0  # within its limits: the engine plays no part in how a disturbance dies out
+            laws = [t.damping for t in case.vehicle.tanks] if linear else []
+            cycle = _cycle(case, Follower(loop=loop, laws=laws, tank=j), solved.mode)
+            if not linear:
+                cycle = replace(cycle, tvc_amplitude=solved.peak, disturbance=steep)
             if not any(_same(cycle, seen) for seen in found):
                 found.append(cycle)
     return tuple(found)
@@ -224,7 +231,11 @@ def _disturbed(
 def _root(stiffness: Stiffness, W: float, direct: Array, across: ComplexArray, mu: complex) -> complex:
     """Return a root of the disturbances' determinant by Newton's method; nan where none is found."""
     for _ in range(40):
-        M, dM = _disturbed(stiffness, W, direct, across, mu)
+        try:
+            M, dM = _disturbed(stiffness, W, direct, across, mu)
+        except np.linalg.LinAlgError:  # exactly on a pole of the rest of the loop: go beside it
+            mu += 1e-9 * W * (1.0 + 1.0j)
+            continue
         try:
             step = 1.0 / np.trace(np.linalg.solve(M, dM))
         except np.linalg.LinAlgError:  # exactly on a root

@@ -30,7 +30,7 @@ def steady_answer(
         command, omega: amplitude in rad and rad/s of the command B sin(W t).
         frequency, damping, stop, fastest, deadband: see `actuator_motion`.
         start: fundamental to start from, rad.
-        steps: of one period, even. periods: at most. settled: change of the fundamental over B at which it has repeated.
+        steps: of one period, even. periods: at most. settled: change of the fundamental over B that counts as none.
     """
     h = 2.0 * np.pi / omega / steps
     x, v = start.imag, omega * start.real

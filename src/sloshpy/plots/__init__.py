@@ -5,6 +5,7 @@ from sloshpy.plots.damping_law import plot_damping_law
 from sloshpy.plots.damping_sweep import plot_damping_sweep
 from sloshpy.plots.danger_zone import plot_danger_zone
 from sloshpy.plots.danger_zones import plot_danger_zones
+from sloshpy.plots.degradation_map import plot_degradation_map
 from sloshpy.plots.growth import plot_growth
 from sloshpy.plots.limit_cycle import plot_limit_cycle
 from sloshpy.plots.mode_tracks import plot_mode_tracks
@@ -21,6 +22,7 @@ __all__ = [
     "plot_damping_sweep",
     "plot_danger_zone",
     "plot_danger_zones",
+    "plot_degradation_map",
     "plot_growth",
     "plot_limit_cycle",
     "plot_mode_tracks",
