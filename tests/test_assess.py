@@ -11,8 +11,10 @@ import pytest
 
 from cases import PAPER_LAW, paper_case, xi
 from sloshpy.assess import assess
-from sloshpy.damping import TableDamping
+from sloshpy.case import Criteria
+from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle import limit_cycles
 from sloshpy.vehicle import SloshMass
 
 TOP = {"name", "verdict", "reasons", "stable", "modes", "disc_margin", "minima", "crossings", "tanks", "limit_cycles"}
@@ -166,3 +168,30 @@ def test_importing_the_package_does_not_import_the_heavy_libraries():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert out.strip() == "[]"
+
+
+def test_a_degraded_loop_with_several_growing_modes_gets_no_verdict_from_one_sinusoid():
+    """Two tanks whose slosh both turns unstable inside the margin: no bound, however small the number looks."""
+    other = SloshMass(name="b", slosh_mass=500.0, station=7.0, frequency=2.9, damping=PowerDamping(slope=0.5))
+    review = assess(paper_case(more=(other,), criteria=Criteria(tvc_amplitude=0.1)))
+    assert review.verdict == "invalid"
+    assert any("no single oscillation" in reason or "modes grow at once" in reason for reason in review.reasons)
+
+
+def test_a_slosh_mass_that_nothing_ever_damps_fails():
+    """At the centre of percussion the loop does not see it, and its own damping is none at any amplitude."""
+    review = assess(paper_case(xi(0.0), tank={"station": 15.375}))
+    assert review.verdict == "fail"
+    assert "never comes to rest" in review.reasons[0]
+
+
+def test_with_a_rate_gain_alone_the_attitude_is_neutral_and_that_fails():
+    review = assess(paper_case(attitude_gain=0.0))
+    assert review.verdict == "fail"
+    assert "rigid body mode is neutral" in review.reasons[0]
+    assert limit_cycles(paper_case(attitude_gain=0.0))[0].stable
+
+
+def test_a_loop_that_much_damping_makes_unstable_is_told_so():
+    (reason,) = assess(paper_case(delay=1.0)).tanks[0].limit_cycle.reasons
+    assert "stable with little damping" in reason

@@ -28,10 +28,10 @@ def test_growth_decay_and_beating_are_unconverged():
         assert found.reason.startswith("unconverged")
 
 
-def test_a_slope_of_a_thousandth_per_ten_cycles_is_the_limit():
-    """T27: 0.1 % per 10 cycles over 20 cycles."""
+def test_a_slope_that_does_not_slow_down_is_no_settled_oscillation():
+    """T27 asks for 0.1 % per 10 cycles; a steady drift below that is growth or decay all the same."""
     period = 2 * np.pi / 2.0
-    for slope, settled in ((0.0003, True), (0.003, False)):
+    for slope, settled in ((3e-6, True), (0.0003, False), (0.003, False)):
         signal = np.exp(slope / (10 * period) * T) * np.sin(2 * T)
         assert settled_envelope(T, signal).settled is settled
 
@@ -39,3 +39,19 @@ def test_a_slope_of_a_thousandth_per_ten_cycles_is_the_limit():
 def test_fewer_than_twenty_cycles_are_unconverged():
     t = T[T < 40]
     assert not settled_envelope(t, np.sin(2 * t)).settled
+
+
+def test_a_slow_approach_is_settled_only_where_its_end_is_near():
+    """Towards 1 at 1 % a cycle: what is left after the run decides, not the slope alone."""
+    period = np.pi
+    for left, settled in ((1e-4, True), (1e-2, False)):
+        approach = 1.0 - left * np.exp(-0.01 * (T - T[-1]) / period)
+        assert settled_envelope(T, approach * np.sin(2 * T)).settled is settled
+
+
+def test_the_flat_and_rippled_top_of_a_limited_engine_counts_once_a_swing():
+    clipped = np.clip(1.5 * np.sin(2 * T), -1.0, 1.0) + 1e-3 * np.sin(10 * T)
+    found = settled_envelope(T, clipped)
+    assert found.settled
+    assert found.amplitude == pytest.approx(1.0, abs=2e-3)
+    assert found.omega == pytest.approx(2.0, rel=2e-2)

@@ -56,7 +56,10 @@ def test_a_tank_is_judged_by_its_own_need_beside_one_that_is_short():
     review = assess(paper_case(more=(WEAK,)))
     lox = review.tanks[0].limit_cycle
     alone = assess(paper_case()).tanks[0].limit_cycle
-    assert lox.acceptable is True
+    assert float(lox.tvc_amplitude[1]) < lox.tvc_limit
+    # degraded by the margin of LOX the weak tank grows by itself: no sinusoid bounds that, so nothing is accepted
+    assert lox.acceptable is None
+    assert any("no single oscillation" in reason for reason in lox.reasons)
     # 60 kg beside 1000 kg move the requirement by little
     assert float(lox.required.required) == pytest.approx(float(alone.required.required), rel=0.1)
 

@@ -236,7 +236,10 @@ def _verdict(
             "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
         )
     axis = NEUTRAL * float(np.max(found.source.plant.tank_frequency))
-    for value, name, kind in zip(poles.value, poles.name, poles.kind, strict=True):
+    laws = {tank.name: tank.damping for tank in case.vehicle.tanks}
+    for value, name, kind, own in zip(poles.value, poles.name, poles.kind, poles.tank, strict=True):
+        if kind == "slosh" and own is not None and abs(value.real) <= axis and np.isinf(laws[own].amplitude(1e-9)):
+            failed.append(f"{name} is neutral and has no damping at any amplitude: once moved it never comes to rest")
         if kind == "slosh" or value.real < -axis:
             continue
         on_axis = value.real <= axis

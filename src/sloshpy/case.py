@@ -66,6 +66,19 @@ class Case(BaseModel):
     criteria: Criteria = Criteria()
     source: Source | None = None
 
+    def tank_index(self, tank: int | str) -> int:
+        """Return the number of a tank given by name or number."""
+        names = [t.name for t in self.vehicle.tanks]
+        if tank not in names and tank not in range(len(names)):
+            raise ValueError(f"no tank {tank!r}; this vehicle has {', '.join(names) or 'none'}")
+        return names.index(tank) if isinstance(tank, str) else int(tank)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two cases describe the same; the file they came from does not count."""
+        if not isinstance(other, Case):
+            return NotImplemented
+        return all(getattr(self, name) == getattr(other, name) for name in ("name", "vehicle", "autopilot", "criteria"))
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.vehicle.engine is not None and self.autopilot.actuator is None:

@@ -45,7 +45,7 @@ Output = Annotated[
     Parameter(name=["-o", "--output"], help="figure file, format by suffix; default: a PNG beside the case"),
 ]
 Damping = Annotated[
-    str | None, Parameter(help="slosh damping: 4.8% for every tank, or LOX=4.8%,LH2=1%; default: small amplitude")
+    str | None, Parameter(help="slosh damping: 4.8% for every tank, or LOX=4.8%,LH2=1%; default: by each tank's law")
 ]
 Dampings = Annotated[str | None, Parameter(help="dampings to show, as in 1%,3%,4.8%; default: four telling ones")]
 Amplitude = Annotated[
@@ -276,7 +276,7 @@ def verify_command(case: CaseFile) -> int:
         print("nothing to verify: the loop is neutral at small amplitude, it neither grows nor decays")
         return 1
     print("\n".join(str(one) for one in found) if found else "no limit cycle is predicted")
-    return 0
+    return 0 if all(one.predicted is not None for one in found) else 1
 
 
 @app.command
@@ -417,6 +417,8 @@ def _dampings(text: str | None) -> Array | None:
 def _named(case: Case, option: str, text: str) -> list[str]:
     """Return the text meant for each tank: one for all, or NAME=text,NAME=text; "" where a tank is not named."""
     names = [tank.name for tank in case.vehicle.tanks]
+    if not text.strip():
+        raise _refused(option, text, "is empty", "leave the option out, or give it a value")
     if "=" not in text:
         return [text] * len(names)
     given: dict[str, str] = {}

@@ -159,6 +159,13 @@ class TableDamping(_Law):
             )
         return self
 
+    def __eq__(self, other: object) -> bool:
+        """Whether two tables hold the same rows."""
+        if not isinstance(other, TableDamping):
+            return NotImplemented
+        mine, theirs = (self.tested_amplitude, self.tested_ratio), (other.tested_amplitude, other.tested_ratio)
+        return all(np.array_equal(one, two) for one, two in zip(mine, theirs, strict=True))
+
     @property
     def largest_amplitude(self) -> float:
         return float(self.tested_amplitude[-1])

@@ -102,6 +102,8 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
     Raises:
         OutsideValidity: an amplitude outside a tank's damping table.
     """
+    if damping is not None and amplitude is not None:
+        raise ValueError("give damping or amplitude: each says what the other would")
     n = len(case.vehicle.tanks)
     laws = [tank.damping for tank in case.vehicle.tanks]
     if damping is None and amplitude is None:
@@ -118,6 +120,9 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
         unknown = [t.name for j, t in enumerate(case.vehicle.tanks) if np.any(np.isnan(xi[..., j]))]
         if unknown:
             raise OutsideValidity(f"the amplitude is outside the damping data of {', '.join(unknown)}")
+        beyond = [t.name for j, t in enumerate(case.vehicle.tanks) if np.any(xi[..., j] > 1.0)]
+        if beyond:
+            raise OutsideValidity(f"at that amplitude the law of {', '.join(beyond)} gives more than critical damping")
     return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
 
 

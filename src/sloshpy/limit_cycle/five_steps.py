@@ -143,18 +143,19 @@ class LimitCycle:
         )
 
 
-def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) -> LimitCycle:
+def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = None) -> LimitCycle:
     """Return the limit cycle of a tank under degraded margins, by the paper's five steps (sec C.3).
 
     The criteria of the case hold the thresholds of steps 1 to 3.
 
     Args:
         case: one vehicle and autopilot.
-        tank: number of the tank.
+        tank: name or number of the tank.
         others: damping ratios at which the other tanks are held, (n_tanks,); default: where all tanks together meet
             the disc margin, see `joint_damping`.
     """
     single(case, "predict_limit_cycle")
+    tank = case.tank_index(tank)
     criteria = case.criteria
     loop = open_loop(case, joint_damping(case) if others is None else others)
     required = loop_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
@@ -163,7 +164,9 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
     if np.isnan(xi):
         return _without(case, tank, required, False, _why_none(case, loop, tank))
     if xi == 0.0:
-        return _without(case, tank, required, True, "no slosh damping is needed: no limit cycle inside the disc margin")
+        rest = [t.name for t in case.vehicle.tanks if t.name != mass.name]
+        beside = f" of its own, with {', '.join(rest)} damped as all together need" if rest else ""
+        return _without(case, tank, required, True, f"no slosh damping is needed{beside}: no limit cycle to find")
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     if np.isinf(amplitude):
         short = f"its damping stays below the required {100 * xi:.4g} % at every amplitude"
@@ -196,6 +199,11 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
     worst = max([float(extremes[1]), *(cycle.tvc_amplitude for cycle in stable)])
     largest = max([consistent, *(cycle.slosh_amplitude[mass.name] for cycle in stable)])
     unsupported = _unsupported(case, tank, xi, largest, float(np.max(samples)), worst)
+    if degraded > 1e-9 * omega or unpredicted:
+        why = unpredicted or f"another mode grows at {degraded:.3g} 1/s"
+        unsupported.append(
+            f"degraded by its whole margin the loop is no single oscillation, which the five steps do not bound: {why}"
+        )
     acceptable: bool | None = bool(worst <= criteria.tvc_amplitude)  # step 5
     return LimitCycle(
         case=case,
@@ -213,7 +221,7 @@ def predict_limit_cycle(case: Case, tank: int = 0, others: Array | None = None) 
         coupled=coupled,
         tvc_limit=criteria.tvc_amplitude,
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
-        reasons=tuple(unsupported + _cautions(case, tank, amplitude, largest) + ([unpredicted] if unpredicted else [])),
+        reasons=tuple(unsupported + _cautions(case, tank, amplitude, largest)),
         band_omega=samples,
         band_tvc=tvc,
         paper_band_tvc=paper_tvc,
@@ -227,15 +235,17 @@ def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
     try:
         return limit_cycles(degraded), ""
     except OutsideValidity as error:
-        return (), f"caution: the degraded loop was not followed with all tanks coupled: {error}"
+        return (), str(error)
 
 
 def _why_none(case: Case, loop: Loop, tank: int) -> str:
     """Return what keeps the loop from its disc margin however much a tank is damped."""
-    damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, 1.0, loop.damping)
-    damped = replace(loop, damping=damping)
-    poles = closed_loop_poles(damped)
+    own = np.arange(len(case.vehicle.tanks)) == tank
+    poles = closed_loop_poles(replace(loop, damping=np.where(own, 1.0, loop.damping)))
     unstable = [name for name, p in zip(poles.name, poles.value, strict=True) if not p.real < 0.0]
+    least = replace(loop, damping=np.where(own, 0.0, loop.damping))
+    if unstable and float(greatest_growth(least)) <= 0.0:
+        return f"the loop is stable with little damping of this tank, and much makes {', '.join(unstable)} unstable"
     if unstable:
         return f"no damping of this tank makes the loop stable: {', '.join(unstable)} stays unstable"
     return f"no damping of this tank up to critical gives it a disc margin of {case.criteria.disc_margin:g}"

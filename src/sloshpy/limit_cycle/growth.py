@@ -105,16 +105,17 @@ class GrowthCurve:
         )
 
 
-def growth_curve(case: Case, tank: int = 0, amplitude: Array | None = None) -> GrowthCurve:
+def growth_curve(case: Case, tank: int | str = 0, amplitude: Array | None = None) -> GrowthCurve:
     """Return how a tank's slosh mode grows against its amplitude.
 
     Args:
         case: one vehicle and autopilot.
-        tank: number of the tank whose mode and amplitude are meant.
+        tank: name or number of the tank whose mode and amplitude are meant.
         amplitude: amplitudes in m, > 0, at which the branch from small amplitude is wanted, nan where it does not
             reach; default: along the branch to where the law gives 0.3 or its data end.
     """
     single(case, "growth_curve")
+    tank = case.tank_index(tank)
     laws = [t.damping for t in case.vehicle.tanks]
     if amplitude is None:
         return _curve(case, tank, follow(case, tank))

@@ -1,5 +1,6 @@
 """Amplitude and frequency of a settled oscillation, or the reason why there is none."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from sloshpy.units import Array
 CYCLES = 20  # over which the envelope must be level
 LEVEL = 1e-3  # relative change of the envelope allowed over ten cycles
 SPREAD = 5e-3  # relative spread of the cycles' amplitudes allowed: more is beating of several frequencies
+HYSTERESIS = 0.1  # of half the peak-to-peak: ripple on a flat top starts no new swing
+REMAINING = 2e-3  # of the amplitude that a slow approach may still be away from its end
 REST = 1e-9  # m or rad: an oscillation below this is rest
 
 
@@ -61,6 +64,10 @@ def level_envelope(t_high: Array, high: Array, low: Array) -> Envelope:
         )
     if np.ptp(half) > SPREAD * np.mean(half):
         return _unconverged(f"the cycles differ by {100.0 * np.ptp(half) / np.mean(half):.2g} %: several frequencies")
+    away = _remaining(half)
+    if not away <= REMAINING:
+        how = "drifts without slowing down" if np.isinf(away) else f"is still some {100.0 * away:.2g} % from its end"
+        return _unconverged(f"the envelope {how}; run longer")
     return Envelope(
         amplitude=float(np.mean(half)),
         omega=float(2.0 * np.pi * CYCLES / (t_high[-1] - t_high[-1 - CYCLES])),
@@ -68,14 +75,42 @@ def level_envelope(t_high: Array, high: Array, low: Array) -> Envelope:
     )
 
 
+def _remaining(half: Array) -> float:
+    """Return how far a geometric approach is from its end, relative; inf where it does not slow down."""
+    third = len(half) // 3
+    first, second = (np.mean(half[k + third : k + 2 * third]) - np.mean(half[k : k + third]) for k in (0, third))
+    size = float(np.mean(half))
+    if abs(second) < 5e-5 * size:  # nothing moves but sampling
+        return 0.0
+    return float(second**2 / abs(first - second) / size) if abs(second) < abs(first) else np.inf
+
+
 def _unconverged(why: str) -> Envelope:
     return Envelope(amplitude=np.nan, omega=np.nan, reason=f"unconverged: {why}")
 
 
 def _peaks(time: Array, signal: Array) -> tuple[Array, Array]:
-    """Return times and values of the maxima, each through the parabola of three samples."""
-    before, here, after = signal[:-2], signal[1:-1], signal[2:]
-    k = np.flatnonzero((here > before) & (here >= after))
-    a, b = 0.5 * (before[k] - 2.0 * here[k] + after[k]), 0.5 * (after[k] - before[k])
-    shift = -b / (2.0 * a)
-    return time[k + 1] + shift * (time[1] - time[0]), here[k] - b**2 / (4.0 * a)
+    """Return times and values of one maximum for each swing, through the parabola of three samples.
+
+    A swing runs from one crossing of a band about the middle to the next, so that the flat or rippled top of a limited
+    engine counts once.
+    """
+    tail = signal[len(signal) // 2 :]
+    middle, reach = 0.5 * (np.max(tail) + np.min(tail)), 0.5 * np.ptp(tail)
+    side = np.where(signal > middle + HYSTERESIS * reach, 1, np.where(signal < middle - HYSTERESIS * reach, -1, 0))
+    known = np.flatnonzero(side)
+    if len(known) == 0:
+        return np.zeros(0), np.zeros(0)
+    turns = known[1:][side[known[1:]] != side[known[:-1]]]  # where a swing to the other side begins
+    bounds = [*turns, len(signal)]
+    tops = [k + int(np.argmax(signal[k:end])) for k, end in itertools.pairwise(bounds) if side[k] > 0]
+    tops = [k for k in tops if 0 < k < len(signal) - 1]
+    if not tops:
+        return np.zeros(0), np.zeros(0)
+    k = np.array(tops)
+    before, here, after = signal[k - 1], signal[k], signal[k + 1]
+    a, b = 0.5 * (before - 2.0 * here + after), 0.5 * (after - before)
+    curved = a < 0.0
+    safe = np.where(curved, a, -1.0)
+    shift = np.where(curved, -b / (2.0 * safe), 0.0)
+    return time[k] + shift * (time[1] - time[0]), here - np.where(curved, b**2 / (4.0 * safe), 0.0)

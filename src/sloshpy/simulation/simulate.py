@@ -36,7 +36,8 @@ class TimeHistory:
     """Slosh, engine angle and attitude over time.
 
     time: (T,), s. slosh: (T, n_tanks), m. tvc: (T,), rad, at the engine. attitude: (T,), rad.
-    step: s. stopped: why the run ended early, "" where it did not.
+    step: s. stopped: why the run ended early, "" where it did not. linear: nothing in the loop depends on the
+    amplitude, so that it grows or decays for ever.
     """
 
     case: Case
@@ -46,6 +47,7 @@ class TimeHistory:
     attitude: Array
     step: float
     stopped: str
+    linear: bool = False
 
     def slosh_envelope(self, tank: int = 0) -> Envelope:
         """Return amplitude in m and frequency of a tank's settled slosh, or why there is none."""
@@ -59,7 +61,12 @@ class TimeHistory:
     def _envelope(self, signal: Array) -> Envelope:
         if self.stopped:
             return Envelope(amplitude=np.nan, omega=np.nan, reason=f"stopped: {self.stopped}")
-        return settled_envelope(self.time, signal)
+        found = settled_envelope(self.time, signal)
+        if self.linear and found.settled and found.amplitude > 0.0:
+            return Envelope(
+                amplitude=np.nan, omega=np.nan, reason="a linear loop: it grows or decays, it has no limit cycle"
+            )
+        return found
 
     def __str__(self) -> str:
         lines = [f"{self.case.name}: {self.time[-1]:.1f} s, step {1e3 * self.step:.2f} ms"]
@@ -161,7 +168,7 @@ def simulate(
         k2 = model.slope(x + 0.5 * h * k1, delayed[1], lag, push[1])
         k3 = model.slope(x + 0.5 * h * k2, delayed[1], lag, push[1])
         k4 = model.slope(x + h * k3, delayed[2], lag, push[2])
-        x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        x = model.stopped(x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4))
         size = float(np.max(np.abs(x)))
         if not size < DIVERGED:
             stopped = "beyond the damping data" if np.isnan(size) else "diverged"
@@ -177,7 +184,15 @@ def simulate(
         attitude=states[:count] @ model.attitude,
         step=h,
         stopped=stopped,
+        linear=_is_linear(case, damping) and engine is None and wind is None,
     )
+
+
+def _is_linear(case: Case, damping: Real | None) -> bool:
+    actuator = case.autopilot.actuator
+    limited = actuator is not None and any((actuator.deflection_limit, actuator.rate_limit, actuator.deadband))
+    constant = all(float(t.damping.amplitude(0.3)) in (0.0, np.inf) for t in case.vehicle.tanks)
+    return not limited and (damping is not None or constant)
 
 
 class _Model:
@@ -248,6 +263,13 @@ class _Model:
         for i, push, acceleration, w in self._forces:
             slope += push * acceleration(x[i], w)  # type: ignore[operator]
         return slope
+
+    def stopped(self, x: Array) -> Array:
+        """Return the state with the engine at its stop where a step has carried it beyond."""
+        stop = None if self._actuator is None else self._actuator.deflection_limit
+        if stop is not None and abs(x[-2]) > stop:
+            x[-2] = np.sign(x[-2]) * stop
+        return x
 
     def _actuate(self, angle: float, rate: float, command: float) -> tuple[float, float]:
         """Return rate and acceleration of the engine; at a limit it does not move outward."""

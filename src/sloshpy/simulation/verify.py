@@ -24,7 +24,8 @@ START = 0.8  # of the predicted amplitude, so that the simulation has to find th
 class Verification:
     """One predicted limit cycle and what the simulation settled on.
 
-    loop: "as given" or "degraded by the margin of LOX". predicted: of all tanks coupled, by describing function.
+    loop: "as given" or "degraded by the margin of LOX". predicted: of all tanks coupled, by describing function; None
+    where no cycle can be predicted.
     slosh: simulated amplitudes in m by tank, omega in rad/s, tvc in rad; nan where it did not settle.
     harmonics: rms of the engine motion that is not its fundamental, as a part of the whole.
     reason: "" or why there is no comparison.
@@ -32,7 +33,7 @@ class Verification:
 
     case: Case
     loop: str
-    predicted: Cycle
+    predicted: Cycle | None
     slosh: dict[str, float]
     omega: float
     tvc: float
@@ -42,11 +43,15 @@ class Verification:
     @property
     def difference(self) -> float:
         """Greatest relative difference of the slosh amplitudes, predicted to simulated, by the greatest amplitude."""
+        if self.predicted is None:
+            return np.nan
         largest = max(self.slosh.values())
         return max(abs(self.predicted.slosh_amplitude[name] - a) for name, a in self.slosh.items()) / largest
 
     def __str__(self) -> str:
-        lines = [f"loop {self.loop}: predicted {self.predicted}"]
+        lines = [
+            f"loop {self.loop}: " + ("nothing predicted" if self.predicted is None else f"predicted {self.predicted}")
+        ]
         if self.reason:
             return "\n".join([*lines, f"  {self.reason}"])
         slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh.items())
@@ -58,12 +63,13 @@ class Verification:
         """Return prediction and simulation as an xarray Dataset over the tanks."""
         import xarray as xr  # 1 s: only when a dataset is wanted
 
-        names = list(self.slosh)
+        names, one = list(self.slosh), self.predicted
+        predicted = [np.nan if one is None else one.slosh_amplitude[name] for name in names]
         return xr.Dataset(
             {
-                "predicted": ("tank", [self.predicted.slosh_amplitude[name] for name in names], {"units": "m"}),
+                "predicted": ("tank", predicted, {"units": "m"}),
                 "simulated": ("tank", [self.slosh[name] for name in names], {"units": "m"}),
-                "predicted_tvc": ((), self.predicted.tvc_amplitude, {"units": "rad"}),
+                "predicted_tvc": ((), np.nan if one is None else one.tvc_amplitude, {"units": "rad"}),
                 "simulated_tvc": ((), self.tvc, {"units": "rad"}),
             },
             coords={"tank": names},
@@ -90,8 +96,21 @@ def verify(case: Case) -> tuple[Verification, ...]:
         degraded = case.model_copy(update={"autopilot": autopilot})
         try:
             cycles = limit_cycles(degraded)
-        except OutsideValidity:
-            continue  # degraded so far that several modes grow
+        except OutsideValidity as error:  # degraded so far that several modes grow
+            blank = dict.fromkeys((t.name for t in case.vehicle.tanks), np.nan)
+            found.append(
+                Verification(
+                    case=degraded,
+                    loop=f"degraded by the margin of {tank.name}",
+                    predicted=None,
+                    slosh=blank,
+                    omega=np.nan,
+                    tvc=np.nan,
+                    harmonics=np.nan,
+                    reason=f"not verified: {error}",
+                )
+            )
+            continue
         found += [_simulated(degraded, f"degraded by the margin of {tank.name}", cycle) for cycle in cycles]
     return tuple(found)
 

@@ -84,12 +84,13 @@ class DangerZone:
         )
 
 
-def danger_zone(case: Case, tank: int = 0) -> DangerZone:
+def danger_zone(case: Case, tank: int | str = 0) -> DangerZone:
     """Return the closed-form danger zone of a tank (eqs 21-23, for any k3 and k4).
 
     Pole and zero of phi/beta coincide at both bounds; between them PD control destabilises the slosh mode. Derived for
     one tank under PD control: with more lag than lead at the slosh frequency it is refused.
     """
+    tank = case.tank_index(tank)
     v = case.vehicle
     mass = v.tanks[tank]
     M, I, Xcg, m, w = (np.asarray(x) for x in (v.mass, v.inertia, v.cg, mass.slosh_mass, mass.frequency))
@@ -168,18 +169,19 @@ class RequiredDampingMap:
 
 
 def required_damping_map(
-    case: Case, tank: int = 0, station: Array | None = None, others: Array | None = None
+    case: Case, tank: int | str = 0, station: Array | None = None, others: Array | None = None
 ) -> RequiredDampingMap:
     """Return the required damping and the departure of a tank's slosh mode as its station moves, any autopilot.
 
     Args:
         case: one vehicle and autopilot, no batch.
-        tank: number of the tank to move.
+        tank: name or number of the tank to move.
         station: stations in m forward of the gimbal; default: 41, or 21 for a large vehicle, across the closed-form
             zone and the tank's own and beyond, with the bounds of the zone and the tank's own station.
         others: damping ratios at which the other tanks are held; default: see `joint_damping`.
     """
     single(case, "required_damping_map")
+    tank = case.tank_index(tank)
     v, zone = case.vehicle, danger_zone(case, tank)
     moved = v.tanks[tank]
     if station is None:

@@ -77,10 +77,7 @@ def required_damping(case: Case, tank: str | int = 0, disc_margin: float | None 
         tank: name or number of the tank.
         disc_margin: threshold of eq 24; default: the criterion of the case.
     """
-    names = [t.name for t in case.vehicle.tanks]
-    if tank not in names and tank not in range(len(names)):
-        raise ValueError(f"no tank {tank!r}; this vehicle has {', '.join(names) or 'none'}")
-    j = names.index(tank) if isinstance(tank, str) else int(tank)
+    j = case.tank_index(tank)
     threshold = case.criteria.disc_margin if disc_margin is None else disc_margin
     return loop_required_damping(open_loop(case), case.criteria, j, threshold)
 

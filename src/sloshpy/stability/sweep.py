@@ -92,10 +92,11 @@ class DampingSweep:
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """What each damping amounts to: "unstable", "not robust" or "robust"."""
+        """What each damping amounts to: "unstable", "neutral", "not robust" or "robust"."""
         enough = self.damping >= self.required.required  # False where none suffices
         robust = np.where(enough, "robust", "not robust")
-        return tuple(str(word) for word in np.where(self.margins.stable, robust, "unstable"))
+        unstable = np.where(self.margins.neutral, "neutral", "unstable")
+        return tuple(str(word) for word in np.where(self.margins.stable & ~self.margins.neutral, robust, unstable))
 
     def __str__(self) -> str:
         lines = [str(self.required)]
@@ -158,7 +159,7 @@ class DiscMarginCurve:
 def damping_sweep(
     case: Case,
     damping: Array | tuple[float, ...] | None = None,
-    tank: int = 0,
+    tank: int | str = 0,
     required: RequiredDamping | None = None,
 ) -> DampingSweep:
     """Return responses and margins of a case at several dampings of one tank.
@@ -166,10 +167,11 @@ def damping_sweep(
     Args:
         case: one vehicle and autopilot, no batch.
         damping: ratios > 0; default: `telling_dampings`.
-        tank: number of the tank that is swept.
+        tank: name or number of the tank that is swept.
         required: the tank's requirement, where it is known already.
     """
     single(case, "damping_sweep")
+    tank = case.tank_index(tank)
     needed = _needed(case, tank) if required is None else required
     xi = np.unique(telling_dampings(needed) if damping is None else damping)
     if not np.all(xi > 0.0):
@@ -196,17 +198,18 @@ def telling_dampings(required: RequiredDamping) -> tuple[float, ...]:
 
 
 def disc_margin_curve(
-    case: Case, damping: Array | None = None, tank: int = 0, required: RequiredDamping | None = None
+    case: Case, damping: Array | None = None, tank: int | str = 0, required: RequiredDamping | None = None
 ) -> DiscMarginCurve:
     """Return a tank's signed disc margin over its damping, the other tanks where all meet the disc margin together.
 
     Args:
         case: one vehicle and autopilot, no batch.
         damping: ratios; default: 81 up to twice the required damping, neutral and required among them.
-        tank: number of the tank.
+        tank: name or number of the tank.
         required: the tank's requirement, where it is known already.
     """
     single(case, "disc_margin_curve")
+    tank = case.tank_index(tank)
     needed = _needed(case, tank) if required is None else required
     if damping is None:
         marks = np.array([needed.neutral, needed.required], dtype=float)
