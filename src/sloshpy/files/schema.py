@@ -22,6 +22,8 @@ def case_schema() -> Schema:
     tanks = parts.pop("tank")
     keys |= parts
     keys["vehicle"]["required"] = ["mass", "inertia", "cg", "thrust"]
+    spring, pendulum = {"required": ["station", "frequency"]}, {"required": ["hinge_station", "pendulum_length"]}
+    tanks["items"]["oneOf"] = [spring, pendulum]
     keys["tank"] = tanks | {"minItems": 1}
     for key, default in _criteria_defaults().items():
         keys["criteria"]["properties"][key]["default"] = default

@@ -71,7 +71,7 @@ def case_text(case: Case) -> str:
     """Return the text of a case file."""
     lines = [f'name = "{case.name}"', "", *_table("[vehicle]", case.vehicle, Vehicle)]
     for tank in case.vehicle.tanks:
-        lines += ["[[tank]]", f'name = "{tank.name}"', *_table("", tank, SloshMass)[:-1]]
+        lines += ["[[tank]]", f'name = "{tank.name}"', *_table("", _as_given(tank), SloshMass)[:-1]]
         lines += [f"damping = {_law(tank.damping)}", ""]
     for mode in case.vehicle.flexible_modes:
         lines += ["[[flexible_mode]]", f'name = "{mode.name}"', *_table("", mode, FlexibleMode)[:-1]]
@@ -101,6 +101,13 @@ def _table(header: str, noun: BaseModel, kind: type[BaseModel]) -> list[str]:
         if quantity is not None and value is not None:
             lines.append(f"{name} = {_number(value, quantity.unit, name)}")
     return [*lines, ""]
+
+
+def _as_given(tank: SloshMass) -> SloshMass:
+    """Return a pendulum without the spring-mass that follows from it: a file holds one form."""
+    if tank.pendulum_length is None:
+        return tank
+    return tank.model_copy(update={"station": None, "frequency": None})
 
 
 def _inline(noun: BaseModel) -> str:

@@ -185,7 +185,8 @@ def required_damping_map(
     if station is None:
         station = _stations(v, tank, zone)
     station = np.asarray(station, dtype=float)
-    tanks = [t.model_copy(update={"station": station}) if j == tank else t for j, t in enumerate(v.tanks)]
+    there = {"station": station, "hinge_station": None, "pendulum_length": None}  # a pendulum moves as a whole
+    tanks = [t.model_copy(update=there) if j == tank else t for j, t in enumerate(v.tanks)]
     moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
     if np.any(moved_vehicle.mass_matrix_margin <= 0.0):
         raise OutsideValidity(
