@@ -72,15 +72,23 @@ def second_order(v, xi):
     return Second(E2, E1, E0, b0, b2, attitude, rate, nt, 1 if v.aerodynamics else 2)
 
 
+def actuator(pilot):
+    """Numerator and denominator of the engine's actuator, 1/1 for none."""
+    a = pilot.actuator
+    if a is None:
+        return [1.0], [1.0]
+    if a.numerator is not None:
+        return list(a.numerator), list(a.denominator)
+    return [a.frequency**2], [1.0, 2 * a.damping * a.frequency, a.frequency**2]
+
+
 def forward(pilot, s):
     """Numerator (delay in it) and denominator of beta / (a0 phi + a1 phi')."""
     num, den = pilot.gain * np.exp(-s * pilot.delay), np.ones_like(s)
     for f in pilot.filter:
         num, den = num * np.polyval(f.numerator, s), den * np.polyval(f.denominator, s)
-    if pilot.actuator:
-        wa, za = pilot.actuator.frequency, pilot.actuator.damping
-        num, den = num * wa**2, den * (s * s + 2 * za * wa * s + wa**2)
-    return num, den
+    top, bottom = actuator(pilot)
+    return num * np.polyval(top, s), den * np.polyval(bottom, s)
 
 
 def _stiffness(p, s):
@@ -130,11 +138,13 @@ def backward_error(p, pilot, s):
 
 
 def descriptor(p, pilot):
-    """E x' = A x of the closed loop without delay, x = [q, q', filters.., beta, beta'], Z kept."""
+    """E x' = A x of the closed loop without delay, x = [q, q', filters.., actuator..], Z kept; and the row of beta.
+
+    A signal is a row on x and a row on x'; beta'' is the derivative of beta' = C A x of the actuator's own states.
+    """
     n = len(p.b0)
-    systems = [scipy.signal.tf2ss(f.numerator, f.denominator) for f in pilot.filter]
-    orders = [len(f.denominator) - 1 for f in pilot.filter]
-    size = 2 * n + sum(orders) + (2 if pilot.actuator else 0)
+    chain = [(f.numerator, f.denominator) for f in pilot.filter] + [actuator(pilot)]
+    size = 2 * n + sum(len(bottom) - 1 for _, bottom in chain)
     E, A = np.eye(size), np.zeros((size, size))
     A[:n, n : 2 * n] = np.eye(n)
     E[n : 2 * n, n : 2 * n] = p.E2
@@ -143,7 +153,9 @@ def descriptor(p, pilot):
     signal[:n] = pilot.gain * pilot.attitude_gain * p.attitude
     signal[n : 2 * n] = pilot.gain * pilot.rate_gain * p.rate
     at = 2 * n
-    for (fa, fb, fc, fd), order in zip(systems, orders, strict=True):
+    for top, bottom in chain:
+        fa, fb, fc, fd = scipy.signal.tf2ss(top, bottom)
+        order = len(bottom) - 1
         rows = slice(at, at + order)
         if order:
             A[rows] += np.outer(fb[:, 0], signal)
@@ -152,18 +164,12 @@ def descriptor(p, pilot):
         if order:
             signal[rows] += fc[0]
         at += order
-    if pilot.actuator:
-        wa, za = pilot.actuator.frequency, pilot.actuator.damping
-        A[at, at + 1] = 1.0
-        A[at + 1] += wa**2 * signal
-        A[at + 1, at] -= wa**2
-        A[at + 1, at + 1] -= 2 * za * wa
-        E[n : 2 * n, at + 1] = -p.b2
-        A[n : 2 * n, at] += p.b0
-    else:
-        assert not p.b2.any()
-        A[n : 2 * n] += np.outer(p.b0, signal)
-    return E, A
+    A[n : 2 * n] += np.outer(p.b0, signal)
+    if p.b2.any():
+        assert fd[0, 0] == 0.0
+        assert np.abs(fc @ fb).max() == 0.0  # two orders: beta' is a combination of the states
+        E[n : 2 * n, rows] -= np.outer(p.b2, (fc @ fa)[0])
+    return E, A, signal
 
 
 def without_drift(p, E, A):
@@ -178,12 +184,13 @@ def without_drift(p, E, A):
 
 def poles(p, pilot):
     """Closed-loop poles without delay."""
-    return np.linalg.eigvals(without_drift(p, *descriptor(p, pilot))[0])
+    return np.linalg.eigvals(without_drift(p, *descriptor(p, pilot)[:2])[0])
 
 
 def unstable_poles(p, pilot):
     """Number of poles in the right half-plane: turns of the exact bordered determinant along the imaginary axis."""
-    order = 2 * len(p.b0) - p.drift + sum(len(f.denominator) - 1 for f in pilot.filter) + 2 * bool(pilot.actuator)
+    order = 2 * len(p.b0) - p.drift + sum(len(f.denominator) - 1 for f in pilot.filter)
+    order += len(actuator(pilot)[1]) - 1
     prompt = poles(p, pilot.model_copy(update={"delay": 0.0}))
     size = np.abs(prompt)
     spread = np.array([-30, -10, -3, -1, -0.3, 0, 0.3, 1, 3, 10, 30])
@@ -219,12 +226,9 @@ def history(v, pilot, forces, z0, times):
     """Slosh, engine angle and measured attitude; `forces` map z_j' to a damping acceleration. No delay."""
     assert not pilot.delay
     p = second_order(v, np.zeros(len(v.tanks)))
-    E, A = descriptor(p, pilot)
+    E, A, engine = descriptor(p, pilot)
     n, nt = len(p.b0), p.tanks
     inverse = np.linalg.inv(E)
-    engine = np.zeros(len(A))
-    engine[-2 if pilot.actuator else 0] = 1.0
-    assert pilot.actuator
 
     def slope(t, x):
         f = A @ x
@@ -234,7 +238,7 @@ def history(v, pilot, forces, z0, times):
 
     x = np.zeros(len(A))
     x[2 : 2 + nt] = z0
-    run = scipy.integrate.solve_ivp(slope, (0, times[-1]), x, t_eval=times, method="DOP853", rtol=1e-10, atol=1e-13)
+    run = scipy.integrate.solve_ivp(slope, (0, times[-1]), x, t_eval=times, method="DOP853", rtol=1e-11, atol=1e-17)
     assert run.success
     y = run.y.T
     return y[:, 2 : 2 + nt], y @ engine, y[:, :n] @ p.attitude

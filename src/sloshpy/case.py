@@ -68,10 +68,20 @@ class Case(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.vehicle.engine is not None and self.autopilot.actuator is None:
+        actuator = self.autopilot.actuator
+        if self.vehicle.engine is not None and actuator is None:
             raise refusal(
                 ("vehicle", "engine"),
                 "has inertia, but nothing accelerates it: the autopilot has no actuator",
                 "give autopilot.actuator its frequency and damping",
             )
+        if self.vehicle.engine is not None and actuator is not None:
+            top, bottom = actuator.fraction
+            if len(bottom) < len(top) + 2:
+                raise refusal(
+                    ("autopilot", "actuator", "numerator"),
+                    "is of less than two orders below the denominator: a step of the command would jerk the engine "
+                    "without end, and it has inertia",
+                    "give a denominator of two orders more",
+                )
         return self

@@ -6,22 +6,91 @@ phi, phi' --> a0 phi + a1 phi' --> gain --> filters --> delay --> actuator --> b
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from sloshpy.units import Quantity, Real, refusal
+from sloshpy.units import Array, Quantity, Real, refusal
 
 _CONFIG = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
 
+_Coefficients = tuple[Annotated[float, Quantity("1", "", "coefficient")], ...]
+_TWO_FORMS = "an actuator has frequency and damping, or numerator and denominator"
+ROUNDING = 1e-12  # a root this near the imaginary axis, relative to its size, is one on it
+
+
 class Actuator(BaseModel):
-    """Second-order engine actuator w^2 / (s^2 + 2 zeta w s + w^2) with optional limits."""
+    """Engine actuator w^2 / (s^2 + 2 zeta w s + w^2) with optional limits, or a stable transfer function.
+
+    Coefficients are in descending powers of s.
+    """
 
     model_config = _CONFIG
 
-    frequency: Annotated[float, Quantity("rad/s", "w_a", "natural frequency", above=0.0)]
-    damping: Annotated[float, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)]
+    frequency: Annotated[float, Quantity("rad/s", "w_a", "natural frequency", above=0.0)] | None = None
+    damping: Annotated[float, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)] | None = Field(
+        default=None, validate_default=True
+    )
     deflection_limit: Annotated[float, Quantity("rad", "", "largest engine angle", above=0.0)] | None = None
     rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0)] | None = None
+    numerator: _Coefficients | None = Field(
+        default=None, min_length=1, description="of the transfer function, in place of frequency and damping"
+    )
+    denominator: _Coefficients | None = Field(default=None, min_length=1, description="of the transfer function")
+
+    @field_validator("damping")
+    @classmethod
+    def _whole_form(cls, value: float | None, info: ValidationInfo) -> float | None:
+        if value is None and info.data.get("frequency") is not None:
+            raise refusal((), "is missing", "add damping = 0.7")
+        if value is not None and info.data.get("frequency", value) is None:
+            raise refusal((), "stands without frequency", _TWO_FORMS)
+        return value
+
+    @field_validator("numerator", "denominator")
+    @classmethod
+    def _leading_coefficient(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        return None if value is None else _led(value)
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        second_order, fraction = self.frequency is not None, (self.numerator is not None, self.denominator is not None)
+        if second_order and any(fraction):
+            given = "numerator" if fraction[0] else "denominator"
+            raise refusal((given,), "stands beside frequency and damping", f"give one form: {_TWO_FORMS}")
+        if not second_order and not any(fraction):
+            raise refusal(("frequency",), "is missing", 'add frequency = "6 Hz" and damping, or a transfer function')
+        if any(fraction) and not all(fraction):
+            given, lacks = ("numerator", "denominator") if fraction[0] else ("denominator", "numerator")
+            raise refusal((given,), f"stands without {lacks}", f"add {lacks} = [...]")
+        if all(fraction):
+            self._sound_fraction()
+        return self
+
+    def _sound_fraction(self) -> None:
+        top, bottom = self.fraction
+        if len(top) > len(bottom):
+            raise refusal(("numerator",), "has more coefficients than the denominator", "an actuator must be proper")
+        roots = np.roots(bottom)
+        if np.any(roots.real >= -ROUNDING * np.abs(roots)):
+            worst = roots[np.argmax(roots.real)] + 0.0  # no -0
+            place = (
+                f"{worst.real:.4g} rad/s" if worst.imag == 0.0 else f"{worst.real:.4g} +- {abs(worst.imag):.4g}j rad/s"
+            )
+            raise refusal(
+                ("denominator",), f"has a pole at {place}", "an actuator is stable: every pole lies left of the axis"
+            )
+        for limit in ("deflection_limit", "rate_limit"):
+            if getattr(self, limit) is not None:
+                rule = "needs the actuator's frequency and damping: a transfer function has no rate to limit"
+                raise refusal((limit,), rule, "give frequency and damping in place of numerator and denominator")
+
+    @property
+    def fraction(self) -> tuple[Array, Array]:
+        """Numerator and denominator in descending powers of s."""
+        if self.numerator is not None and self.denominator is not None:
+            return np.array(self.numerator), np.array(self.denominator)
+        w, zeta = self.frequency or 0.0, self.damping or 0.0  # one form is whole
+        return np.array([w**2]), np.array([1.0, 2.0 * zeta * w, w**2])
 
 
 class Filter(BaseModel):
@@ -29,21 +98,25 @@ class Filter(BaseModel):
 
     model_config = _CONFIG
 
-    numerator: tuple[Annotated[float, Quantity("1", "", "coefficient")], ...] = Field(min_length=1)
-    denominator: tuple[Annotated[float, Quantity("1", "", "coefficient")], ...] = Field(min_length=1)
+    numerator: _Coefficients = Field(min_length=1)
+    denominator: _Coefficients = Field(min_length=1)
 
     @field_validator("numerator", "denominator")
     @classmethod
     def _leading_coefficient(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if value[0] == 0.0:
-            raise refusal((), "must not start with 0", "drop the leading zeros")
-        return value
+        return _led(value)
 
     @model_validator(mode="after")
     def _proper(self) -> Self:
         if len(self.numerator) > len(self.denominator):
             raise refusal(("numerator",), "has more coefficients than the denominator", "a filter must be proper")
         return self
+
+
+def _led(coefficients: tuple[float, ...]) -> tuple[float, ...]:
+    if coefficients[0] == 0.0:
+        raise refusal((), "must not start with 0", "drop the leading zeros")
+    return coefficients
 
 
 class Autopilot(BaseModel):

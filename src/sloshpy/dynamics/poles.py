@@ -270,7 +270,9 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
     scale = np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop), closed=False)[0]))  # a delay has no poles
     scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
     degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
-    degree += 2 * (loop.autopilot.actuator is not None) - loop.plant.velocity_only
+    degree -= loop.plant.velocity_only
+    if loop.autopilot.actuator is not None:
+        degree += len(loop.autopilot.actuator.fraction[1]) - 1
     centre = float(np.exp(np.mean(np.log(scale))))
     low, high = np.min(scale) * 10.0**-decades, np.max(scale) * 10.0**decades
     line = loop.along()

@@ -25,6 +25,8 @@ def case_schema() -> Schema:
     spring, pendulum = {"required": ["station", "frequency"]}, {"required": ["hinge_station", "pendulum_length"]}
     tanks["items"]["oneOf"] = [spring, pendulum]
     keys["tank"] = tanks | {"minItems": 1}
+    whole, fraction = {"required": ["frequency", "damping"]}, {"required": ["numerator", "denominator"]}
+    keys["autopilot"]["properties"]["actuator"]["oneOf"] = [whole, fraction]
     for key, default in _criteria_defaults().items():
         keys["criteria"]["properties"][key]["default"] = default
     laws = tanks["items"]["properties"]["damping"]["oneOf"]

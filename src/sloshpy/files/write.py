@@ -84,7 +84,9 @@ def case_text(case: Case) -> str:
     autopilot = case.autopilot
     lines += _table("[autopilot]", autopilot, Autopilot)
     if autopilot.actuator is not None:
-        lines += _table("[autopilot.actuator]", autopilot.actuator, type(autopilot.actuator))
+        lines += _table("[autopilot.actuator]", autopilot.actuator, type(autopilot.actuator))[:-1]
+        fraction = {"numerator": autopilot.actuator.numerator, "denominator": autopilot.actuator.denominator}
+        lines += [f"{key} = {_list(x)}" for key, x in fraction.items() if x is not None] + [""]
     for filter_ in autopilot.filter:
         lines += ["[[autopilot.filter]]", f"numerator = {_list(filter_.numerator)}"]
         lines += [f"denominator = {_list(filter_.denominator)}", ""]

@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sloshpy.autopilot import Autopilot
-from sloshpy.autopilot.blocks import filter_block
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
+from sloshpy.simulation.model import Model
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
@@ -123,7 +121,7 @@ def simulate(
             f"{duration:g} s in steps of {h:.3g} s, which {cause} asks for, are more than {MOST_STEPS:.0e} steps"
         )
     steps = int(np.ceil(duration / h))
-    model = _Model(loop, case, None if damping is None else loop.damping)
+    model = Model(loop, case, None if damping is None else loop.damping)
     x = np.zeros(model.size)
     x[loop.plant.slosh_states] = initial_slosh
     states, engine = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
@@ -162,87 +160,6 @@ def simulate(
         step=h,
         stopped=stopped,
     )
-
-
-class _Model:
-    """The state equations of one loop: plant, filters, then the actuator's angle and rate."""
-
-    def __init__(self, loop: Loop, case: Case, fixed: Array | None) -> None:
-        A, self._b, C = state_space(loop.plant, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
-        self._b2 = inertial_input(loop.plant)
-        pilot: Autopilot = case.autopilot
-        n = self._plant = A.shape[0]
-        half = n - loop.plant.mass.shape[-1]  # where the velocities start
-        gain = float(pilot.gain)
-        sensed = gain * (float(pilot.attitude_gain) * C[0] + float(pilot.rate_gain) * C[1])
-        blocks = [filter_block(f) for f in pilot.filter]
-        k = sum(len(b.B) for b in blocks)
-        self._actuator = pilot.actuator
-        self.size = n + k + 2 * (pilot.actuator is not None)
-        self._A = np.zeros((self.size, self.size))
-        self._A[:n, :n] = A
-        self.attitude = np.append(C[0], np.zeros(self.size - n))  # row of the measured attitude
-        self._read = np.zeros(self.size)  # the command, before the delay
-        self._read[:n] = sensed
-        at = n
-        for b in blocks:
-            rows = slice(at, at + len(b.B))
-            self._A[rows] += np.outer(b.B, self._read)
-            self._A[rows, rows] += b.A
-            self._read = float(b.D) * self._read
-            self._read[rows] = b.C
-            at += len(b.B)
-        self._forces: list[tuple[int, Array, object, float]] = []
-        if fixed is None:
-            inverse = np.linalg.inv(loop.plant.mass)
-            for j, tank in enumerate(case.vehicle.tanks):
-                i = loop.plant.first_tank + j  # a coordinate
-                push = np.zeros(self.size)
-                push[half:n] = inverse[:, i] * float(tank.slosh_mass)
-                self._forces.append((half + i, push, tank.damping.acceleration, float(tank.frequency)))
-
-    def command(self, x: Array) -> float:
-        """Return the engine command before the delay, rad."""
-        return float(self._read @ x)
-
-    def command_slope(self, x: Array, slope: Array) -> float:
-        """Return the command's time derivative, rad/s."""
-        return float(self._read @ slope)
-
-    def engine(self, x: Array, delayed: float, lag: int) -> float:
-        """Return the engine angle, rad."""
-        if self._actuator is not None:
-            return float(x[-2])
-        return delayed if lag else self.command(x)
-
-    def slope(self, x: Array, delayed: float, lag: int) -> Array:
-        """Return x' with the delayed command; without a delay the command of this moment."""
-        command = delayed if lag else self.command(x)
-        slope = self._A @ x
-        beta = command
-        if self._actuator is not None:
-            beta = float(x[-2])
-            slope[-2:] = self._actuate(beta, float(x[-1]), command)
-            slope[: self._plant] += self._b2 * slope[-1]
-        slope[: self._plant] += self._b * beta
-        for i, push, acceleration, w in self._forces:
-            slope += push * acceleration(x[i], w)  # type: ignore[operator]
-        return slope
-
-    def _actuate(self, angle: float, rate: float, command: float) -> tuple[float, float]:
-        """Return rate and acceleration of the engine; at a limit it does not move outward."""
-        a = self._actuator
-        assert a is not None
-        stop, fastest = a.deflection_limit, a.rate_limit
-        if stop is not None:
-            command = min(max(command, -stop), stop)
-        acceleration = a.frequency**2 * (command - angle) - 2.0 * a.damping * a.frequency * rate
-        if fastest is not None and abs(rate) >= fastest:
-            rate = fastest if rate > 0.0 else -fastest
-            acceleration = min(acceleration, 0.0) if rate > 0.0 else max(acceleration, 0.0)
-        if stop is not None and abs(angle) >= stop and rate * angle > 0.0:
-            rate = 0.0
-        return rate, acceleration
 
 
 def _step(loop: Loop, most: float | None) -> tuple[float, int]:

@@ -122,11 +122,20 @@ def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
     """Return the lead of the PD gains less the lag of filters, delay and actuator at frequencies in rad/s, rad."""
     omega = np.asarray(omega, dtype=float)
     a0, a1 = np.asarray(autopilot.attitude_gain), np.asarray(autopilot.rate_gain)
-    one = autopilot.model_copy(update={"filter": (), "actuator": None, "delay": 0.0, "gain": 1.0})
-    parts = [one.model_copy(update={"filter": (f,)}) for f in autopilot.filter]
-    parts += [one.model_copy(update={"actuator": autopilot.actuator})]
-    angles = [np.angle(forward_transfer(part, 1j * omega)) for part in parts]  # each within half a turn
-    return np.asarray(np.arctan2(a1 * omega, a0) + sum(angles) - np.asarray(autopilot.delay) * omega)
+    parts = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
+    parts += [autopilot.actuator.fraction] if autopilot.actuator is not None else []
+    lag = sum(
+        (_phase(bottom, omega) - _phase(top, omega) for top, bottom in parts), np.asarray(autopilot.delay) * omega
+    )
+    return np.asarray(np.arctan2(a1 * omega, a0) - lag)
+
+
+def _phase(polynomial: Array, omega: Array) -> Array:
+    """Return the phase of a polynomial at j omega, continuous from omega = 0 on, of any order: each root by itself."""
+    roots = np.roots(polynomial)
+    still = np.prod(-roots[roots != 0.0]) * polynomial[0]  # what is left at omega = 0, real
+    turned = [np.angle(1.0 - 1j * omega / r) if r != 0.0 else np.full(omega.shape, np.pi / 2.0) for r in roots]
+    return np.asarray(sum(turned, np.full(omega.shape, np.angle(still.real))))
 
 
 @dataclass(frozen=True, kw_only=True)

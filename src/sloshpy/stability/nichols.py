@@ -220,11 +220,14 @@ def _zeros(loop: Loop) -> ComplexArray:
 
 
 def loop_zeros(loop: Loop) -> ComplexArray:
-    """Return the finite zeros of one loop: those of the plant from engine to sensed attitude, and of the filters."""
+    """Return the finite zeros of one loop: those of the plant from engine to sensor, and of the forward path."""
     zeros = _zeros(loop)
     order = 1 if np.all(np.asarray(loop.autopilot.rate_gain) != 0.0) else 2
     own = zeros[np.argsort(np.abs(zeros))[order:]]
-    return np.concatenate([own, *(np.roots(f.numerator) for f in loop.autopilot.filter)]).astype(complex)
+    tops = [np.array(f.numerator) for f in loop.autopilot.filter]
+    if loop.autopilot.actuator is not None:
+        tops.append(loop.autopilot.actuator.fraction[0])
+    return np.concatenate([own, *(np.roots(top) for top in tops)]).astype(complex)
 
 
 def _rolled_off(loop: Loop, omega: Array) -> Array:
