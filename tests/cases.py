@@ -131,3 +131,28 @@ def real_case(rng, tanks=None, modes=None, engine=None, air=None, **parts):
             return case.model_copy(update={"vehicle": Vehicle(**given)}), damping
         except ValidationError:  # the mass matrix is indefinite: another one
             continue
+
+
+def sensed_case(rng, **parts):
+    """A random case as `real_case` whose autopilot also feeds a lateral accelerometer back, with the lag it needs."""
+    case, damping = real_case(rng, **parts)
+    v, pilot = case.vehicle, case.autopilot
+    r = np.sqrt(v.inertia / v.mass)
+    station = v.cg + rng.uniform(-1.2, 1.5) * r
+    modes = tuple(
+        f.model_copy(
+            update={"accelerometer": ModeShape(deflection=rng.uniform(-0.5, 0.5), slope=rng.uniform(-0.5, 0.5) / r)}
+        )
+        for f in v.flexible_modes
+    )
+    at_once = abs(v.vectored_thrust / v.mass - (station - v.cg) * v.vectored_thrust * v.cg / v.inertia)
+    crossover = 2 * np.sqrt(pilot.attitude_gain * v.vectored_thrust * v.cg / v.inertia)
+    lags = list(pilot.filter)
+    wanted = 3 if v.engine else 1
+    while pilot.model_copy(update={"filter": tuple(lags)}).lag_order < wanted:
+        lags.append(Filter(numerator=(1.0,), denominator=(1.0 / (crossover * rng.uniform(2, 15)), 1.0)))
+    given = {k: getattr(v, k) for k in type(v).model_fields}
+    given |= {"flexible_modes": modes, "accelerometer_station": station}
+    control = {k: getattr(pilot, k) for k in type(pilot).model_fields}
+    control |= {"filter": tuple(lags), "accelerometer_gain": rng.uniform(-0.6, 0.8) / at_once}
+    return Case(name="sensed", vehicle=Vehicle(**given), autopilot=Autopilot(**control)), damping

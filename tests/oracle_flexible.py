@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.integrate
+import scipy.interpolate
 import scipy.linalg
 import scipy.signal
 
@@ -31,6 +32,8 @@ class Second:
     b2: np.ndarray
     attitude: np.ndarray
     rate: np.ndarray
+    felt0: np.ndarray  # accelerometer: felt2 q'' + felt0 q
+    felt2: np.ndarray
     tanks: int
     drift: int  # how often s divides the column of Z
 
@@ -69,7 +72,13 @@ def second_order(v, xi):
         for row, share in ((0, N / M), (1, N * (v.aerodynamics.center_of_pressure - Xcg) / I)):
             E0[row, 1] -= share
             E1[row, 0] += share / V
-    return Second(E2, E1, E0, b0, b2, attitude, rate, nt, 1 if v.aerodynamics else 2)
+    felt0, felt2 = np.zeros(n), np.zeros(n)
+    if v.accelerometer_station is not None:
+        # acceleration of the point along Z less that of falling with the axial acceleration along the local normal
+        felt2[0], felt2[1], felt0[1] = 1.0, v.accelerometer_station - Xcg, -k3
+        for i, f in enumerate(v.flexible_modes):
+            felt2[2 + nt + i], felt0[2 + nt + i] = f.accelerometer.deflection, -k3 * f.accelerometer.slope
+    return Second(E2, E1, E0, b0, b2, attitude, rate, felt0, felt2, nt, 1 if v.aerodynamics else 2)
 
 
 def actuator(pilot):
@@ -97,7 +106,9 @@ def _stiffness(p, s):
 
 
 def _measured(p, pilot, s):
-    return pilot.attitude_gain * p.attitude + s[..., None] * pilot.rate_gain * p.rate
+    s = s[..., None]
+    body = pilot.attitude_gain * p.attitude + s * pilot.rate_gain * p.rate
+    return body + pilot.accelerometer_gain * (p.felt0 + s * s * p.felt2)
 
 
 def solved(p, pilot, s):
@@ -123,7 +134,8 @@ def bordered(p, pilot, s):
     T[..., :n, 0] = p.E2[:, 0] if p.drift == 2 else s[..., None] * p.E2[:, 0] + p.E1[:, 0]
     T[..., :n, n] = -(p.b0 + s[..., None] ** 2 * p.b2)
     T[..., n, :n] = -num[..., None] * _measured(p, pilot, s)
-    T[..., n, 0] = 0.0
+    # the accelerometer's s^2 Z, divided as the column is; nothing else depends on Z
+    T[..., n, 0] = -num * pilot.accelerometer_gain * p.felt2[0] * (1.0 if p.drift == 2 else s)
     T[..., n, n] = den
     return T
 
@@ -137,10 +149,14 @@ def backward_error(p, pilot, s):
     return np.linalg.svd(T, compute_uv=False)[..., -1]
 
 
-def descriptor(p, pilot):
+def descriptor(p, pilot, cut=None):
     """E x' = A x of the closed loop without delay, x = [q, q', filters.., actuator..], Z kept; and the row of beta.
 
-    A signal is a row on x and a row on x'; beta'' is the derivative of beta' = C A x of the actuator's own states.
+    Given a dictionary `cut`, the command is cut at the delay, before the actuator: "signal" and "moving" get the
+    command before, "enters" the column on E x' by which the command after it comes in, "through" its part of beta.
+
+    A signal is a row on x and a row on x'; beta'' is the derivative of beta' = C A x of the actuator's own states. The
+    accelerometer is felt2 of q'' = x', so that its loop through the engine is part of E and needs no solving.
     """
     n = len(p.b0)
     chain = [(f.numerator, f.denominator) for f in pilot.filter] + [actuator(pilot)]
@@ -152,19 +168,32 @@ def descriptor(p, pilot):
     signal = np.zeros(size)
     signal[:n] = pilot.gain * pilot.attitude_gain * p.attitude
     signal[n : 2 * n] = pilot.gain * pilot.rate_gain * p.rate
+    signal[:n] += pilot.gain * pilot.accelerometer_gain * p.felt0
+    moving = np.zeros(size)
+    moving[n : 2 * n] = pilot.gain * pilot.accelerometer_gain * p.felt2
     at = 2 * n
-    for top, bottom in chain:
+    for i, (top, bottom) in enumerate(chain):
+        if cut is not None and i == len(chain) - 1:
+            cut["signal"], cut["moving"], cut["enters"] = signal, moving, np.zeros(size)
+            signal, moving = np.zeros(size), np.zeros(size)
         fa, fb, fc, fd = scipy.signal.tf2ss(top, bottom)
         order = len(bottom) - 1
         rows = slice(at, at + order)
         if order:
             A[rows] += np.outer(fb[:, 0], signal)
             A[rows, rows] += fa
-        signal = fd[0, 0] * signal
+            E[rows] -= np.outer(fb[:, 0], moving)
+        signal, moving = fd[0, 0] * signal, fd[0, 0] * moving
         if order:
             signal[rows] += fc[0]
         at += order
     A[n : 2 * n] += np.outer(p.b0, signal)
+    E[n : 2 * n] -= np.outer(p.b0, moving)
+    assert not moving.any()
+    if cut is not None:
+        cut["enters"][rows if order else slice(0, 0)] = fb[:, 0] if order else []
+        cut["enters"][n : 2 * n] += p.b0 * fd[0, 0]
+        cut["through"] = fd[0, 0]
     if p.b2.any():
         assert fd[0, 0] == 0.0
         assert np.abs(fc @ fb).max() == 0.0  # two orders: beta' is a combination of the states
@@ -223,22 +252,44 @@ def stable(p, pilot):
 
 
 def history(v, pilot, forces, z0, times):
-    """Slosh, engine angle and measured attitude; `forces` map z_j' to a damping acceleration. No delay."""
-    assert not pilot.delay
+    """Slosh, engine angle and measured attitude; `forces` map z_j' to a damping acceleration. A delay by steps."""
     p = second_order(v, np.zeros(len(v.tanks)))
-    E, A, engine = descriptor(p, pilot)
+    cut = {} if pilot.delay else None
+    E, A, engine = descriptor(p, pilot, cut)
     n, nt = len(p.b0), p.tanks
     inverse = np.linalg.inv(E)
+    past = [lambda t: 0.0]  # the command of one delay ago
 
     def slope(t, x):
         f = A @ x
         for j in range(nt):
             f[n + 2 + j] += forces[j](x[n + 2 + j])
+        if cut:
+            f = f + cut["enters"] * past[0](t)
         return inverse @ f
 
     x = np.zeros(len(A))
     x[2 : 2 + nt] = z0
-    run = scipy.integrate.solve_ivp(slope, (0, times[-1]), x, t_eval=times, method="DOP853", rtol=1e-11, atol=1e-17)
-    assert run.success
-    y = run.y.T
-    return y[:, 2 : 2 + nt], y @ engine, y[:, :n] @ p.attitude
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-17}
+    if not cut:
+        run = scipy.integrate.solve_ivp(slope, (0, times[-1]), x, t_eval=times, **options)
+        assert run.success
+        y, beta = run.y.T, run.y.T @ engine
+        return y[:, 2 : 2 + nt], beta, y[:, :n] @ p.attitude
+    rows, beta, start = [], [], 0.0
+    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(25) / 24)
+    while start < times[-1] + 1e-9:
+        end = start + pilot.delay
+        run = scipy.integrate.solve_ivp(slope, (start, end), x, dense_output=True, **options)
+        assert run.success
+        here = times[(times >= start - 1e-9) & (times < end - 1e-9)]
+        states = run.sol(here).T
+        rows.append(states)
+        beta.append(states @ engine + cut["through"] * np.array([past[0](t) for t in here]))
+        t = start + nodes * pilot.delay
+        # the command is sampled with x' as it is in this step, and read by a polynomial in the next
+        u = [cut["signal"] @ y + cut["moving"] @ slope(at, y) for at, y in zip(t, run.sol(t).T, strict=True)]
+        past[0] = scipy.interpolate.BarycentricInterpolator(t + pilot.delay, u)
+        x, start = run.y[:, -1], end
+    y = np.concatenate(rows)
+    return y[:, 2 : 2 + nt], np.concatenate(beta), y[:, :n] @ p.attitude

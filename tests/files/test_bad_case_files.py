@@ -18,7 +18,7 @@ ONE = 'write 0.048 or "4.8 %"'
 PERCENT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
 BESIDE = "put the table beside the case file or below its folder"
 TOML = 'write key = value, with texts and quantities in quotation marks, as in mass = "16000 kg"'
-VEHICLE = "cg, drag, inertia, mass, thrust, vectored_thrust"
+VEHICLE = "accelerometer_station, cg, drag, inertia, mass, thrust, vectored_thrust"
 MASS, CG, THRUST, GAIN = 'mass = "16000 kg"', 'cg = "6 m"', 'thrust = "900 kN"', "attitude_gain = 0.08"
 
 SHAPE = 'tank.{} = {{ deflection = -0.3, slope = "0.02 1/m" }}\n'

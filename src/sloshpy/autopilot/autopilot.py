@@ -1,6 +1,6 @@
 """Gains, filters, delay and actuator.
 
-phi, phi' --> a0 phi + a1 phi' --> gain --> filters --> delay --> actuator --> beta
+phi, phi', acc --> a0 phi + a1 phi' + a2 acc --> gain --> filters --> delay --> actuator --> beta
 """
 
 from typing import Annotated, Self
@@ -120,8 +120,9 @@ def _led(coefficients: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class Autopilot(BaseModel):
-    """Attitude control beta = a0 phi + a1 phi' (eq 13, sign corrected) with gain, filters, delay and actuator.
+    """Control beta = a0 phi + a1 phi' + a2 acc (eq 13, sign corrected) with gain, filters, delay and actuator.
 
+    acc is the specific force along the body's lateral axis at the accelerometer. All share filters and actuator.
     Gains and delay may carry leading axes (arrays): a batch of autopilots.
     """
 
@@ -129,6 +130,9 @@ class Autopilot(BaseModel):
 
     attitude_gain: Annotated[Real, Quantity("1", "a_0", "attitude gain, rad/rad", least=0.0)]
     rate_gain: Annotated[Real, Quantity("s", "a_1", "attitude-rate gain, rad/(rad/s)", least=0.0)]
+    accelerometer_gain: Annotated[
+        Real, Quantity("rad/(m/s^2)", "a_2", "gain of the lateral accelerometer, rad/(m/s^2)")
+    ] = 0.0
     gain: Annotated[Real, Quantity("dB", "", "extra loop gain", above=1e-5, below=1e5)] = 1.0
     delay: Annotated[Real, Quantity("s", "tau", "pure delay in the loop", least=0.0, most=5.0)] = 0.0
     actuator: Actuator | None = None
@@ -139,6 +143,15 @@ class Autopilot(BaseModel):
         if np.any((np.asarray(self.attitude_gain) == 0.0) & (np.asarray(self.rate_gain) == 0.0)):
             raise refusal(("attitude_gain",), "and rate_gain are both 0: the loop is open", "give at least one gain")
         return self
+
+    @property
+    def lag_order(self) -> int:
+        """Orders by which filters and actuator together roll off: poles less zeros; a delay is no lag of this kind."""
+        parts = [(len(f.numerator), len(f.denominator)) for f in self.filter]
+        if self.actuator is not None:
+            top, bottom = self.actuator.fraction
+            parts.append((len(top), len(bottom)))
+        return sum(below - above for above, below in parts)
 
     def degraded(self, gain: float = 1.0, delay: float = 0.0) -> "Autopilot":
         """Return the autopilot with an extra loop gain (amplitude ratio, > 0) and an extra delay in s."""

@@ -75,7 +75,7 @@ def case_text(case: Case) -> str:
         lines += [f"damping = {_law(tank.damping)}", ""]
     for mode in case.vehicle.flexible_modes:
         lines += ["[[flexible_mode]]", f'name = "{mode.name}"', *_table("", mode, FlexibleMode)[:-1]]
-        shapes = {"gimbal": mode.gimbal, "gyro": mode.gyro, "rate_gyro": mode.rate_gyro}
+        shapes = {key: getattr(mode, key) for key in ("gimbal", "gyro", "rate_gyro", "accelerometer")}
         lines += [f"{key} = {_inline(shape)}" for key, shape in shapes.items() if shape is not None]
         lines += [f'tank."{name}" = {_inline(shape)}' for name, shape in mode.tank.items()] + [""]
     for key, part in (("engine", case.vehicle.engine), ("aerodynamics", case.vehicle.aerodynamics)):

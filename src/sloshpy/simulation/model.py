@@ -9,7 +9,7 @@ from sloshpy.autopilot import Actuator
 from sloshpy.autopilot.blocks import actuator_block, filter_block
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.plant import inertial_input, state_space
+from sloshpy.dynamics.sensed import fed
 from sloshpy.units import Array
 
 
@@ -18,36 +18,39 @@ class Model:
 
     def __init__(self, loop: Loop, case: Case, fixed: Array | None) -> None:
         """Assemble a loop; `fixed` are damping ratios in place of the tanks' laws."""
-        A, self._b, C = state_space(loop.plant, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
-        self._b2 = inertial_input(loop.plant)
+        p = fed(loop, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
         pilot = case.autopilot
-        n = self._plant = A.shape[0]
-        sensed = float(pilot.gain) * (float(pilot.attitude_gain) * C[0] + float(pilot.rate_gain) * C[1])
+        n = self._plant = p.A.shape[0]
         blocks = [filter_block(f) for f in pilot.filter]
-        engine = _engine(pilot.actuator)
+        self._actuator = pilot.actuator
+        A_a, self._drive, self._angle, self._through = _engine(pilot.actuator)
         k = sum(len(b.B) for b in blocks)
-        self.size = n + k + len(engine[1])
+        self.size = n + k + len(A_a)
+        self._filters, self._engine = slice(n, n + k), slice(n + k, self.size)
+        self._b, self._b2, self._d, self._d2 = p.B, p.B2, float(p.d), float(p.d2)
         self._A = np.zeros((self.size, self.size))
-        self._A[:n, :n] = A
-        self.attitude = np.append(C[0], np.zeros(self.size - n))  # row of the measured attitude
-        self._read = np.zeros(self.size)  # the command, before the delay
-        self._read[:n] = sensed
+        self._A[:n, :n], self._A[self._engine, self._engine] = p.A, A_a
+        # beta'' = C A^2 x + C A B u, of an actuator two orders or more below; else the engine has no inertia
+        self._jerk = self._angle @ A_a @ A_a
+        self._jerk_through = float(self._angle @ A_a @ self._drive)
+        self.attitude = np.zeros(self.size)  # row of the measured attitude
+        first = int(loop.plant.velocity_only)
+        self.attitude[: loop.plant.mass.shape[-1] - first] = loop.plant.attitude[first:]
+        sensed = np.append(p.c, np.zeros(self.size - n))  # y without what the engine and the damping force add
+        # filters: x' = A x + into y, command = read x + direct (y - sensed x)
+        self._into, self._read, self._direct = np.zeros(self.size), float(pilot.gain) * sensed, float(pilot.gain)
         at = n
         for b in blocks:
             rows = slice(at, at + len(b.B))
             self._A[rows] += np.outer(b.B, self._read)
             self._A[rows, rows] += b.A
-            self._read = float(b.D) * self._read
+            self._into[rows] = b.B * self._direct
+            self._read, self._direct = float(b.D) * self._read, float(b.D) * self._direct
             self._read[rows] = b.C
             at += len(b.B)
-        self._actuator = pilot.actuator
-        self._engine, A_a = slice(at, self.size), engine[0]
-        self._A[self._engine, self._engine] = A_a
-        self._drive, self._angle, self._through = engine[1:]
-        # beta'' = C A^2 x + C A B u, of an actuator two orders or more below; else the engine has no inertia
-        self._jerk = self._angle @ A_a @ A_a
-        self._jerk_through = float(self._angle @ A_a @ self._drive)
+        self._felt = p.acceleration is not None
         self._forces: list[tuple[int, Array, object, float]] = []
+        self._pushed = np.zeros(len(case.vehicle.tanks))  # y per unit of each damping acceleration
         if fixed is None:
             inverse = np.linalg.inv(loop.plant.mass)
             half = n - loop.plant.mass.shape[-1]  # where the velocities start
@@ -56,13 +59,18 @@ class Model:
                 push = np.zeros(self.size)
                 push[half:n] = inverse[:, i] * float(tank.slosh_mass)
                 self._forces.append((half + i, push, tank.damping.acceleration, float(tank.frequency)))
+                if p.acceleration is not None:
+                    self._pushed[j] = p.acceleration @ push[half:n]
 
     def command(self, x: Array) -> float:
         """Return the engine command before the delay, rad."""
-        return float(self._read @ x)
+        return self._command(x, self._damping(x))
 
-    def command_slope(self, x: Array, slope: Array) -> float:
-        """Return the command's time derivative, rad/s."""
+    def command_slope(self, x: Array, slope: Array, h: float) -> float:
+        """Return the command's time derivative over a step h, rad/s."""
+        if self._felt and self._direct:  # not linear in the state where the damping force is felt at once
+            small = 1e-3 * h * slope
+            return (self.command(x + small) - self.command(x - small)) / (2e-3 * h)
         return float(self._read @ slope)
 
     def engine(self, x: Array, delayed: float, lag: int) -> float:
@@ -71,7 +79,8 @@ class Model:
 
     def slope(self, x: Array, delayed: float, lag: int) -> Array:
         """Return x' with the delayed command; without a delay the command of this moment."""
-        command = delayed if lag else self.command(x)
+        forces = self._damping(x)
+        command = delayed if lag else self._command(x, forces)
         slope = self._A @ x
         beta, acceleration = self._through * command, 0.0
         if self._actuator is not None:
@@ -84,9 +93,26 @@ class Model:
                 slope[self._engine] += self._drive * command
                 acceleration = float(self._jerk @ states) + self._jerk_through * command
         slope[: self._plant] += self._b * beta + self._b2 * acceleration
-        for i, push, law, w in self._forces:
-            slope += push * law(x[i], w)  # type: ignore[operator]
+        for force, (_, push, _, _) in zip(forces, self._forces, strict=True):
+            slope += push * force
+        if self._felt:
+            slope += self._into * self._at_once(forces, beta, acceleration)
         return slope
+
+    def _damping(self, x: Array) -> list[float]:
+        """Return the acceleration of each slosh mass by its law of damping."""
+        return [law(x[i], w) for i, _, law, w in self._forces]  # type: ignore[operator]
+
+    def _at_once(self, forces: list[float], beta: float, acceleration: float) -> float:
+        """Return what an accelerometer feels of the engine and of the damping forces, times its gain."""
+        return self._d * beta + self._d2 * acceleration + float(self._pushed[: len(forces)] @ forces)
+
+    def _command(self, x: Array, forces: list[float]) -> float:
+        command = float(self._read @ x)
+        if self._felt and self._direct:  # then the actuator lags by itself: its states give beta and beta''
+            states = x[self._engine]
+            command += self._direct * self._at_once(forces, float(self._angle @ states), float(self._jerk @ states))
+        return command
 
     def _actuate(self, angle: float, rate: float, command: float) -> tuple[float, float]:
         """Return rate and acceleration of the engine; at a limit it does not move outward."""

@@ -132,11 +132,13 @@ def simulate(
         states[k] = x
         old = line[k], slopes[k], line[k + 1] if lag else 0.0, slopes[k + 1] if lag else 0.0
         delayed = (old[0], 0.5 * (old[0] + old[2]) + h / 8.0 * (old[1] - old[3]), old[2])
+        if k < lag:  # nothing comes out before the delay has passed, not on the way to the first value either
+            delayed = (0.0, 0.0, 0.0)
         k1 = model.slope(x, delayed[0], lag)
         engine[k] = model.engine(x, delayed[0], lag)
         if lag:
-            line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1)
-            if lag == 1:  # the newest value has just come in
+            line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1, h)
+            if lag == 1 and k > 0:  # the newest value has just come in
                 delayed = (old[0], 0.5 * (old[0] + line[k + 1]) + h / 8.0 * (old[1] - slopes[k + 1]), line[k + 1])
         if k == steps:
             break

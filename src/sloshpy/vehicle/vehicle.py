@@ -37,6 +37,10 @@ class Vehicle(BaseModel):
         default_factory=lambda data: data["thrust"]
     )
     drag: Annotated[Real, Quantity("N", "D", "drag", least=0.0)] = 0.0
+    accelerometer_station: (
+        Annotated[Real, Quantity("m", "X_a", "lateral accelerometer forward of the gimbal, where one is fed back")]
+        | None
+    ) = None
     tanks: tuple[SloshMass, ...] = Field(default=(), description="slosh masses, one for each tank")
     flexible_modes: tuple[FlexibleMode, ...] = Field(default=(), description="bending modes")
     engine: Engine | None = None
