@@ -156,3 +156,23 @@ def sensed_case(rng, **parts):
     control = {k: getattr(pilot, k) for k in type(pilot).model_fields}
     control |= {"filter": tuple(lags), "accelerometer_gain": rng.uniform(-0.6, 0.8) / at_once}
     return Case(name="sensed", vehicle=Vehicle(**given), autopilot=Autopilot(**control)), damping
+
+
+def guided_case(rng, *, kind=None, felt=None, **parts):
+    """A random case whose autopilot also holds the drift: by Z and Z' ("both"), by either, at times the wrong way."""
+    case, damping = (
+        sensed_case(rng, **parts) if (rng.random() < 0.4 if felt is None else felt) else real_case(rng, **parts)
+    )
+    v, pilot = case.vehicle, case.autopilot
+    crossover = np.sqrt(pilot.attitude_gain * v.vectored_thrust * v.cg / v.inertia)
+    slow, a = crossover * 10 ** rng.uniform(-2, -0.5), v.acceleration
+    sign = -1.0 if rng.random() < 0.15 else 1.0
+    gains = {
+        "drift_gain": sign * slow**2 * pilot.attitude_gain / a,
+        "drift_rate_gain": 2 * rng.uniform(0.3, 1.0) * slow * pilot.attitude_gain / a,
+    }
+    kind = kind or rng.choice(["both", "both", "rate", "position"])
+    if kind != "both":
+        del gains["drift_gain" if kind == "rate" else "drift_rate_gain"]
+    given = {k: getattr(pilot, k) for k in type(pilot).model_fields}
+    return case.model_copy(update={"autopilot": Autopilot(**given | gains)}), damping

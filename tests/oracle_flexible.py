@@ -100,6 +100,11 @@ def forward(pilot, s):
     return num * np.polyval(top, s), den * np.polyval(bottom, s)
 
 
+def divided(p, pilot):
+    """How often s divides the column of Z once guidance may hold it."""
+    return 0 if pilot.drift_gain else min(p.drift, 1) if pilot.drift_rate_gain else p.drift
+
+
 def _stiffness(p, s):
     S = np.asarray(s, dtype=complex)[..., None, None]
     return S * S * p.E2 + S * p.E1 + p.E0
@@ -108,6 +113,7 @@ def _stiffness(p, s):
 def _measured(p, pilot, s):
     s = s[..., None]
     body = pilot.attitude_gain * p.attitude + s * pilot.rate_gain * p.rate
+    body = body + (pilot.drift_gain + s * pilot.drift_rate_gain) * np.eye(len(p.b0))[0]
     return body + pilot.accelerometer_gain * (p.felt0 + s * s * p.felt2)
 
 
@@ -130,12 +136,20 @@ def bordered(p, pilot, s):
     num, den = forward(pilot, s)
     T = np.zeros((*s.shape, n + 1, n + 1), dtype=complex)
     T[..., :n, :n] = _stiffness(p, s)
-    # the column of Z is s^2 E2 + s E1 (+ 0): without air s^2 divides it, with air s
-    T[..., :n, 0] = p.E2[:, 0] if p.drift == 2 else s[..., None] * p.E2[:, 0] + p.E1[:, 0]
+    # the column of Z is s^2 E2 + s E1 (+ 0): without air s^2 divides it, with air s, with guidance less
+    T[..., :n, 0] = {
+        2: lambda: p.E2[:, 0],
+        1: lambda: s[..., None] * p.E2[:, 0] + p.E1[:, 0],
+        0: lambda: s[..., None] ** 2 * p.E2[:, 0] + s[..., None] * p.E1[:, 0],
+    }[divided(p, pilot)]()
     T[..., :n, n] = -(p.b0 + s[..., None] ** 2 * p.b2)
     T[..., n, :n] = -num[..., None] * _measured(p, pilot, s)
-    # the accelerometer's s^2 Z, divided as the column is; nothing else depends on Z
-    T[..., n, 0] = -num * pilot.accelerometer_gain * p.felt2[0] * (1.0 if p.drift == 2 else s)
+    lateral = {
+        2: lambda: pilot.accelerometer_gain * p.felt2[0] + 0 * s,
+        1: lambda: pilot.drift_rate_gain + s * pilot.accelerometer_gain * p.felt2[0],
+        0: lambda: pilot.drift_gain + s * pilot.drift_rate_gain + s * s * pilot.accelerometer_gain * p.felt2[0],
+    }
+    T[..., n, 0] = -num * lateral[divided(p, pilot)]()
     T[..., n, n] = den
     return T
 
@@ -169,6 +183,8 @@ def descriptor(p, pilot, cut=None):
     signal[:n] = pilot.gain * pilot.attitude_gain * p.attitude
     signal[n : 2 * n] = pilot.gain * pilot.rate_gain * p.rate
     signal[:n] += pilot.gain * pilot.accelerometer_gain * p.felt0
+    signal[0] += pilot.gain * pilot.drift_gain
+    signal[n] += pilot.gain * pilot.drift_rate_gain
     moving = np.zeros(size)
     moving[n : 2 * n] = pilot.gain * pilot.accelerometer_gain * p.felt2
     at = 2 * n
@@ -201,11 +217,11 @@ def descriptor(p, pilot, cut=None):
     return E, A, signal
 
 
-def without_drift(p, E, A):
+def without_drift(p, pilot, E, A):
     """Strike out the states that nothing depends on: Z, and without air Z' too."""
     n = len(p.b0)
     A = np.linalg.solve(E, A)
-    gone = [0] if p.drift == 1 else [0, n]
+    gone = [0, n][: divided(p, pilot)]
     keep = np.delete(np.arange(len(A)), gone)
     assert not A[np.ix_(keep, gone)].any()
     return A[np.ix_(keep, keep)], keep
@@ -213,12 +229,12 @@ def without_drift(p, E, A):
 
 def poles(p, pilot):
     """Closed-loop poles without delay."""
-    return np.linalg.eigvals(without_drift(p, *descriptor(p, pilot)[:2])[0])
+    return np.linalg.eigvals(without_drift(p, pilot, *descriptor(p, pilot)[:2])[0])
 
 
 def unstable_poles(p, pilot):
     """Number of poles in the right half-plane: turns of the exact bordered determinant along the imaginary axis."""
-    order = 2 * len(p.b0) - p.drift + sum(len(f.denominator) - 1 for f in pilot.filter)
+    order = 2 * len(p.b0) - divided(p, pilot) + sum(len(f.denominator) - 1 for f in pilot.filter)
     order += len(actuator(pilot)[1]) - 1
     prompt = poles(p, pilot.model_copy(update={"delay": 0.0}))
     size = np.abs(prompt)

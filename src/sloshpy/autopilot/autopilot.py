@@ -1,6 +1,6 @@
 """Gains, filters, delay and actuator.
 
-phi, phi', acc --> a0 phi + a1 phi' + a2 acc --> gain --> filters --> delay --> actuator --> beta
+phi, phi', acc, Z, Z' --> a0 phi + a1 phi' + a2 acc + b0 Z + b1 Z' --> gain --> filters --> delay --> actuator --> beta
 """
 
 from typing import Annotated, Self
@@ -120,9 +120,10 @@ def _led(coefficients: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class Autopilot(BaseModel):
-    """Control beta = a0 phi + a1 phi' + a2 acc (eq 13, sign corrected) with gain, filters, delay and actuator.
+    """Control beta = a0 phi + a1 phi' + a2 acc + b0 Z + b1 Z' (eq 13, sign corrected), gain, filters, delay, actuator.
 
-    acc is the specific force along the body's lateral axis at the accelerometer. All share filters and actuator.
+    acc is the specific force along the body's lateral axis at the accelerometer; Z is the drift of the c.g., which an
+    outer loop of guidance holds with positive gains b0, b1. All share gain, filters, delay and actuator.
     Gains and delay may carry leading axes (arrays): a batch of autopilots.
     """
 
@@ -133,6 +134,8 @@ class Autopilot(BaseModel):
     accelerometer_gain: Annotated[
         Real, Quantity("rad/(m/s^2)", "a_2", "gain of the lateral accelerometer, rad/(m/s^2)")
     ] = 0.0
+    drift_gain: Annotated[Real, Quantity("rad/m", "b_0", "gain of the lateral drift of the c.g., rad/m")] = 0.0
+    drift_rate_gain: Annotated[Real, Quantity("rad/(m/s)", "b_1", "gain of the drift's rate, rad/(m/s)")] = 0.0
     gain: Annotated[Real, Quantity("dB", "", "extra loop gain", above=1e-5, below=1e5)] = 1.0
     delay: Annotated[Real, Quantity("s", "tau", "pure delay in the loop", least=0.0, most=5.0)] = 0.0
     actuator: Actuator | None = None
@@ -142,7 +145,19 @@ class Autopilot(BaseModel):
     def _closes_the_loop(self) -> Self:
         if np.any((np.asarray(self.attitude_gain) == 0.0) & (np.asarray(self.rate_gain) == 0.0)):
             raise refusal(("attitude_gain",), "and rate_gain are both 0: the loop is open", "give at least one gain")
+        if self.mixed_drift:
+            raise refusal(
+                (self.mixed_drift,), "is 0 for some autopilots of the batch", "put those into a batch of their own"
+            )
         return self
+
+    @property
+    def mixed_drift(self) -> str:
+        """Which drift gain is 0 for some of a batch alone, "" for none: they would have another set of states."""
+        position, velocity = np.asarray(self.drift_gain) != 0.0, np.asarray(self.drift_rate_gain) != 0.0
+        if np.any(position):
+            return "" if np.all(position) else "drift_gain"
+        return "" if np.all(velocity) or not np.any(velocity) else "drift_rate_gain"
 
     @property
     def lag_order(self) -> int:

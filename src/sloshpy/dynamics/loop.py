@@ -1,9 +1,9 @@
 """The loop, broken at the engine command: plant, autopilot and one slosh damping for each tank.
 
-            +-----------------------------------------------------------------------+
-            |                                                                       |
-    L(s) = -|  a0 phi + a1 phi' + a2 acc <-- plant <-- beta <-- actuator <-- delay <-- filters <-- gain
-                                                             ^ broken here
+            +--------------------------------------------------------------------+
+            |                                                                    |
+    L(s) = -|  a0 phi + a1 phi' + ... <-- plant <-- beta <-- actuator <-- delay <-- filters <-- gain
+                                                          ^ broken here
 
 L(s) has the negative-feedback sign: the critical point is -1, that is 0 dB at -180 deg.
 """
@@ -20,7 +20,8 @@ from sloshpy.dynamics.plant import Plant, plant, without_drift
 from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, IntArray, Real
 
-_NUMBERS = ("attitude_gain", "rate_gain", "accelerometer_gain", "gain", "delay")  # of the autopilot, with leading axes
+# numbers of the autopilot that may carry leading axes
+_NUMBERS = ("attitude_gain", "rate_gain", "accelerometer_gain", "drift_gain", "drift_rate_gain", "gain", "delay")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +110,10 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
     fault = accelerometer_fault(case.vehicle, case.autopilot)
     if fault is not None:
         raise OutsideValidity(f"{' '.join(map(str, fault[0]))} {fault[1]}; {fault[2]}")
+    if case.autopilot.mixed_drift:
+        raise OutsideValidity(
+            f"{case.autopilot.mixed_drift} is 0 for some of the batch; put those into one of their own"
+        )
     n = len(case.vehicle.tanks)
     laws = [tank.damping for tank in case.vehicle.tanks]
     if damping is None and amplitude is None:
@@ -125,7 +130,9 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
         unknown = [t.name for j, t in enumerate(case.vehicle.tanks) if np.any(np.isnan(xi[..., j]))]
         if unknown:
             raise OutsideValidity(f"the amplitude is outside the damping data of {', '.join(unknown)}")
-    return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
+    a = case.autopilot
+    kept = without_drift(plant(case.vehicle), bool(np.any(a.drift_gain)), bool(np.any(a.drift_rate_gain)))
+    return Loop(plant=kept, autopilot=a, damping=xi)
 
 
 def _per_tank(value: Real, n: int) -> Array:

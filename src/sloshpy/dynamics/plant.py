@@ -42,6 +42,7 @@ class Plant:
     tanks: names; tank j is coordinate `first_tank + j`. tank_mass, tank_frequency: (..., n_tanks).
     modes: names of the bending modes, the last coordinates.
     velocity_only: coordinate 0 is Z and enters by Z' alone (its column of the stiffness is zero).
+    guided: the autopilot feeds Z or Z' back, so that drift is a mode of the loop.
     drift_poles: neutral poles at the origin that were removed by structure.
     """
 
@@ -58,6 +59,7 @@ class Plant:
     tank_frequency: Array
     modes: tuple[str, ...] = ()
     velocity_only: bool = False
+    guided: bool = False
     drift_poles: int = 0
     accelerometer: Array | None = None
 
@@ -78,8 +80,9 @@ class Plant:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """What each coordinate belongs to: rigid body, a tank's slosh, a bending mode."""
-        return (*["rigid body"] * self.first_tank, *(f"{tank} slosh" for tank in self.tanks), *self.modes)
+        """What each coordinate belongs to: rigid body, a tank's slosh, a bending mode; guided drift by itself."""
+        body = ["drift"] * self.guided + ["rigid body"] * (self.first_tank - self.guided)
+        return (*body, *(f"{tank} slosh" for tank in self.tanks), *self.modes)
 
 
 def plant(vehicle: Vehicle) -> Plant:
@@ -193,17 +196,19 @@ def _stacked(values: list[Real], batch: tuple[int, ...]) -> Array:
     return np.stack([np.broadcast_to(np.asarray(x, dtype=float), batch) for x in values], axis=-1)
 
 
-def without_drift(full: Plant) -> Plant:
-    """Remove drift from the plant by structure, never by a tolerance on its poles.
+def without_drift(full: Plant, position_fed: bool = False, velocity_fed: bool = False) -> Plant:
+    """Remove drift from the plant by structure, never by a tolerance on its poles; keep what is fed back, Z or Z'.
 
     Where nothing depends on Z or Z' (their columns are exactly zero), row Z gives Z'' alone; put into the other rows it
     leaves a plant without the two neutral poles that attitude control neither sees nor moves. Where Z' counts
-    (aerodynamics) but Z does not, one neutral pole goes.
+    (aerodynamics, or guidance by the rate alone) but Z does not, one neutral pole goes.
     """
+    if position_fed:
+        return replace(full, guided=True)
     if np.any(full.stiffness[..., :, 0]) or np.any(full.attitude[..., 0]) or np.any(full.rate[..., 0]):
         return full
-    if np.any(full.damping[..., :, 0]):
-        return replace(full, velocity_only=True, drift_poles=full.drift_poles + 1)
+    if velocity_fed or np.any(full.damping[..., :, 0]):
+        return replace(full, velocity_only=True, guided=velocity_fed, drift_poles=full.drift_poles + 1)
     share = full.mass[..., 1:, :1] / full.mass[..., :1, :1]
 
     def eliminate(matrix: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from sloshpy.autopilot import series_blocks
 from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.plant import slosh_damping
+from sloshpy.dynamics.plant import slosh_damping, without_drift
 from sloshpy.dynamics.response import transfer
 from sloshpy.dynamics.sensed import bordering_row, fed
 from sloshpy.units import Array, ComplexArray
@@ -273,6 +273,8 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
     """
     scale = np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop), closed=False)[0]))  # a delay has no poles
     scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
+    if loop.plant.guided:  # slow poles that leave the origin only in the closed loop
+        scale = np.append(scale, np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop))[0])))
     degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
     degree -= loop.plant.velocity_only
     if loop.autopilot.actuator is not None:
@@ -312,7 +314,26 @@ def closed_loop_poles(loop: Loop) -> Poles:
 
 def open_loop_poles(loop: Loop) -> Poles:
     """Return the poles of one loop broken at the engine, with their names, least damped first."""
-    return _named(loop, closed=False)
+    if not loop.plant.guided:
+        return _named(loop, closed=False)
+    # at rest in the broken loop guidance holds nothing: its poles stand at the origin by structure, not by eigenvalue
+    full = replace(loop.plant, guided=False, velocity_only=False, drift_poles=0)
+    unheld = loop.autopilot.model_copy(update={"drift_gain": 0.0, "drift_rate_gain": 0.0})
+    found = _named(replace(loop, plant=without_drift(full), autopilot=unheld), closed=False)
+    count = found.drift_poles - loop.plant.drift_poles
+    share = np.zeros((count + len(found.name), 1 + len(found.groups)))
+    share[:count, -1], share[count:, :-1] = 1.0, found.participation
+    return replace(
+        found,
+        value=np.concatenate([np.zeros(count), found.value]),
+        name=("drift",) * count + found.name,
+        kind=("rigid",) * count + found.kind,
+        tank=(None,) * count + found.tank,
+        groups=(*found.groups, "drift"),
+        participation=share,
+        source=loop,
+        drift_poles=loop.plant.drift_poles,
+    )
 
 
 def _named(loop: Loop, closed: bool) -> Poles:
@@ -387,4 +408,4 @@ def _kind(name: str, tanks: dict[str, str], modes: tuple[str, ...]) -> str:
         return "slosh"
     if name in modes:
         return "flexible"
-    return {"rigid body": "rigid", "actuator": "actuator"}.get(name, "filter")
+    return {"rigid body": "rigid", "drift": "rigid", "actuator": "actuator"}.get(name, "filter")

@@ -1,7 +1,7 @@
 """Exact frequency response of the loop with the slosh damping pulled out of the plant.
 
 With every tank at a reference damping the plant is solved once at each frequency, for the engine angle and for a unit
-acceleration u on each slosh mass; K is the forward path and y = a0 phi + a1 phi' + a2 acc what it is given:
+acceleration u on each slosh mass; K is the forward path and y what it is fed (see `sensed`):
 
     z = z_b beta + Z_a u ,   K y = Y_b beta + Y_a u
 

@@ -1,4 +1,4 @@
-"""What the autopilot is fed, a0 phi + a1 phi' + a2 acc, written once for all who need it.
+"""What the autopilot is fed, a0 phi + a1 phi' + a2 acc + b0 Z + b1 Z', written once for all who need it.
 
     y = (r_0 + s r_1 + s^2 r_2) [q, beta]                   as rows of the equations of motion
     x' = A x + B beta + B2 beta'' ,   y = c x + d beta + d2 beta''        as an output of their states
@@ -20,6 +20,12 @@ def sensed(loop: Loop) -> Array:
     p, a = loop.plant, loop.autopilot
     position = np.asarray(a.attitude_gain)[..., None] * p.attitude
     velocity = np.asarray(a.rate_gain)[..., None] * p.rate
+    if np.any(a.drift_gain) or np.any(a.drift_rate_gain):
+        if not p.guided:
+            raise ValueError("the drift is fed back, but the plant has lost it; make the loop with open_loop")
+        lateral = np.eye(p.mass.shape[-1])[0]
+        position = position + np.asarray(a.drift_gain)[..., None] * lateral
+        velocity = velocity + np.asarray(a.drift_rate_gain)[..., None] * lateral
     parts = [position.shape[:-1], velocity.shape[:-1]]
     felt = None
     if p.accelerometer is not None and np.any(a.accelerometer_gain):

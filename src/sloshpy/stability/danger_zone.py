@@ -109,7 +109,7 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
         )
     elif len(v.tanks) > 1:
         note = "several tanks: the closed form is a guideline; read the required damping along the vehicle"
-    elif case.autopilot.filter or case.autopilot.actuator or np.any(np.asarray(case.autopilot.delay)):
+    elif _beyond_pd(case.autopilot):
         note = "derived for PD control alone; the map of required damping takes the whole autopilot"
     return DangerZone(
         case=case,
@@ -121,6 +121,11 @@ def danger_zone(case: Case, tank: int = 0) -> DangerZone:
         reason=reason,
         note=note,
     )
+
+
+def _beyond_pd(a: Autopilot) -> bool:
+    """Return whether a loop holds more than the PD control of the closed form."""
+    return bool(a.filter or a.actuator or any(np.any(x) for x in (a.delay, a.drift_gain, a.drift_rate_gain)))
 
 
 def phase_lead(autopilot: Autopilot, omega: Real) -> Array:

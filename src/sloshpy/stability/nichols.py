@@ -171,8 +171,8 @@ def _placed(loop: Loop) -> tuple[IntArray, Array]:
     size, n = np.abs(p), len(loop.plant.tanks)
     # poles and zeros at the origin place nothing, rounding apart; a stiff actuator does not hide the slow ones
     slow = np.broadcast_to(loop.plant.tank_frequency, (*batch, n)).reshape(-1, n) if n else size
-    # with air nothing at the origin is left, and its poles may be slower still
-    least = 1e-7 if loop.plant.velocity_only else 1e-4
+    # with air or guidance nothing at the origin is left, and its poles may be slower still
+    least = 1e-7 if loop.plant.velocity_only or loop.plant.guided else 1e-4
     own = np.where(size > least * np.min(slow, axis=-1, keepdims=True, initial=np.inf), size, np.nan)
     low, high = np.nanmin(own, axis=-1), np.nanmax(own, axis=-1)
     low, high = low * 1e-2, _rolled_off(loop, high * 10.0)
@@ -222,7 +222,8 @@ def _zeros(loop: Loop) -> ComplexArray:
 
 def _rated(loop: Loop) -> BoolArray:
     """Return whether the autopilot is fed a velocity."""
-    return np.asarray(np.asarray(loop.autopilot.rate_gain) != 0.0)
+    a = loop.autopilot
+    return np.asarray((np.asarray(a.rate_gain) != 0.0) | (np.asarray(a.drift_rate_gain) != 0.0))
 
 
 def loop_zeros(loop: Loop) -> ComplexArray:
