@@ -79,6 +79,8 @@ class DangerZone:
         zone = f"from {self.aft:.4f} m behind to {-self.forward:.4f} m ahead of the c.g."
         tail = f" {self.reason}" if self.reason else f" the danger zone {zone}"
         note = f"\n  {self.note}" if self.note else ""
+        if np.isnan(self.lead):
+            return f"{self.tank}: l = {self.l:.4g} m, {place}{tail}{note}"
         return (
             f"{self.tank}: l = {self.l:.4g} m, {place}{tail}\n"
             f"  Greensite: from the c.g. to {-self.forward:.4f} m ahead; "
