@@ -131,3 +131,48 @@ def real_case(rng, tanks=None, modes=None, engine=None, air=None, **parts):
             return case.model_copy(update={"vehicle": Vehicle(**given)}), damping
         except ValidationError:  # the mass matrix is indefinite: another one
             continue
+
+
+def sensed_case(rng, **parts):
+    """A random case as `real_case` whose autopilot also feeds a lateral accelerometer back, with the lag it needs."""
+    case, damping = real_case(rng, **parts)
+    v, pilot = case.vehicle, case.autopilot
+    r = np.sqrt(v.inertia / v.mass)
+    station = v.cg + rng.uniform(-1.2, 1.5) * r
+    modes = tuple(
+        f.model_copy(
+            update={"accelerometer": ModeShape(deflection=rng.uniform(-0.5, 0.5), slope=rng.uniform(-0.5, 0.5) / r)}
+        )
+        for f in v.flexible_modes
+    )
+    at_once = abs(v.vectored_thrust / v.mass - (station - v.cg) * v.vectored_thrust * v.cg / v.inertia)
+    crossover = 2 * np.sqrt(pilot.attitude_gain * v.vectored_thrust * v.cg / v.inertia)
+    lags = list(pilot.filter)
+    wanted = 3 if v.engine else 1
+    while pilot.model_copy(update={"filter": tuple(lags)}).lag_order < wanted:
+        lags.append(Filter(numerator=(1.0,), denominator=(1.0 / (crossover * rng.uniform(2, 15)), 1.0)))
+    given = {k: getattr(v, k) for k in type(v).model_fields}
+    given |= {"flexible_modes": modes, "accelerometer_station": station}
+    control = {k: getattr(pilot, k) for k in type(pilot).model_fields}
+    control |= {"filter": tuple(lags), "accelerometer_gain": rng.uniform(-0.6, 0.8) / at_once}
+    return Case(name="sensed", vehicle=Vehicle(**given), autopilot=Autopilot(**control)), damping
+
+
+def guided_case(rng, *, kind=None, felt=None, **parts):
+    """A random case whose autopilot also holds the drift: by Z and Z' ("both"), by either, at times the wrong way."""
+    case, damping = (
+        sensed_case(rng, **parts) if (rng.random() < 0.4 if felt is None else felt) else real_case(rng, **parts)
+    )
+    v, pilot = case.vehicle, case.autopilot
+    crossover = np.sqrt(pilot.attitude_gain * v.vectored_thrust * v.cg / v.inertia)
+    slow, a = crossover * 10 ** rng.uniform(-2, -0.5), v.acceleration
+    sign = -1.0 if rng.random() < 0.15 else 1.0
+    gains = {
+        "drift_gain": sign * slow**2 * pilot.attitude_gain / a,
+        "drift_rate_gain": 2 * rng.uniform(0.3, 1.0) * slow * pilot.attitude_gain / a,
+    }
+    kind = kind or rng.choice(["both", "both", "rate", "position"])
+    if kind != "both":
+        del gains["drift_gain" if kind == "rate" else "drift_rate_gain"]
+    given = {k: getattr(pilot, k) for k in type(pilot).model_fields}
+    return case.model_copy(update={"autopilot": Autopilot(**given | gains)}), damping

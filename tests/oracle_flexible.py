@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.integrate
+import scipy.interpolate
 import scipy.linalg
 import scipy.signal
 
@@ -31,6 +32,8 @@ class Second:
     b2: np.ndarray
     attitude: np.ndarray
     rate: np.ndarray
+    felt0: np.ndarray  # accelerometer: felt2 q'' + felt0 q
+    felt2: np.ndarray
     tanks: int
     drift: int  # how often s divides the column of Z
 
@@ -69,7 +72,23 @@ def second_order(v, xi):
         for row, share in ((0, N / M), (1, N * (v.aerodynamics.center_of_pressure - Xcg) / I)):
             E0[row, 1] -= share
             E1[row, 0] += share / V
-    return Second(E2, E1, E0, b0, b2, attitude, rate, nt, 1 if v.aerodynamics else 2)
+    felt0, felt2 = np.zeros(n), np.zeros(n)
+    if v.accelerometer_station is not None:
+        # acceleration of the point along Z less that of falling with the axial acceleration along the local normal
+        felt2[0], felt2[1], felt0[1] = 1.0, v.accelerometer_station - Xcg, -k3
+        for i, f in enumerate(v.flexible_modes):
+            felt2[2 + nt + i], felt0[2 + nt + i] = f.accelerometer.deflection, -k3 * f.accelerometer.slope
+    return Second(E2, E1, E0, b0, b2, attitude, rate, felt0, felt2, nt, 1 if v.aerodynamics else 2)
+
+
+def actuator(pilot):
+    """Numerator and denominator of the engine's actuator, 1/1 for none."""
+    a = pilot.actuator
+    if a is None:
+        return [1.0], [1.0]
+    if a.numerator is not None:
+        return list(a.numerator), list(a.denominator)
+    return [a.frequency**2], [1.0, 2 * a.damping * a.frequency, a.frequency**2]
 
 
 def forward(pilot, s):
@@ -77,10 +96,13 @@ def forward(pilot, s):
     num, den = pilot.gain * np.exp(-s * pilot.delay), np.ones_like(s)
     for f in pilot.filter:
         num, den = num * np.polyval(f.numerator, s), den * np.polyval(f.denominator, s)
-    if pilot.actuator:
-        wa, za = pilot.actuator.frequency, pilot.actuator.damping
-        num, den = num * wa**2, den * (s * s + 2 * za * wa * s + wa**2)
-    return num, den
+    top, bottom = actuator(pilot)
+    return num * np.polyval(top, s), den * np.polyval(bottom, s)
+
+
+def divided(p, pilot):
+    """How often s divides the column of Z once guidance may hold it."""
+    return 0 if pilot.drift_gain else min(p.drift, 1) if pilot.drift_rate_gain else p.drift
 
 
 def _stiffness(p, s):
@@ -89,7 +111,10 @@ def _stiffness(p, s):
 
 
 def _measured(p, pilot, s):
-    return pilot.attitude_gain * p.attitude + s[..., None] * pilot.rate_gain * p.rate
+    s = s[..., None]
+    body = pilot.attitude_gain * p.attitude + s * pilot.rate_gain * p.rate
+    body = body + (pilot.drift_gain + s * pilot.drift_rate_gain) * np.eye(len(p.b0))[0]
+    return body + pilot.accelerometer_gain * (p.felt0 + s * s * p.felt2)
 
 
 def solved(p, pilot, s):
@@ -111,11 +136,20 @@ def bordered(p, pilot, s):
     num, den = forward(pilot, s)
     T = np.zeros((*s.shape, n + 1, n + 1), dtype=complex)
     T[..., :n, :n] = _stiffness(p, s)
-    # the column of Z is s^2 E2 + s E1 (+ 0): without air s^2 divides it, with air s
-    T[..., :n, 0] = p.E2[:, 0] if p.drift == 2 else s[..., None] * p.E2[:, 0] + p.E1[:, 0]
+    # the column of Z is s^2 E2 + s E1 (+ 0): without air s^2 divides it, with air s, with guidance less
+    T[..., :n, 0] = {
+        2: lambda: p.E2[:, 0],
+        1: lambda: s[..., None] * p.E2[:, 0] + p.E1[:, 0],
+        0: lambda: s[..., None] ** 2 * p.E2[:, 0] + s[..., None] * p.E1[:, 0],
+    }[divided(p, pilot)]()
     T[..., :n, n] = -(p.b0 + s[..., None] ** 2 * p.b2)
     T[..., n, :n] = -num[..., None] * _measured(p, pilot, s)
-    T[..., n, 0] = 0.0
+    lateral = {
+        2: lambda: pilot.accelerometer_gain * p.felt2[0] + 0 * s,
+        1: lambda: pilot.drift_rate_gain + s * pilot.accelerometer_gain * p.felt2[0],
+        0: lambda: pilot.drift_gain + s * pilot.drift_rate_gain + s * s * pilot.accelerometer_gain * p.felt2[0],
+    }
+    T[..., n, 0] = -num * lateral[divided(p, pilot)]()
     T[..., n, n] = den
     return T
 
@@ -129,12 +163,18 @@ def backward_error(p, pilot, s):
     return np.linalg.svd(T, compute_uv=False)[..., -1]
 
 
-def descriptor(p, pilot):
-    """E x' = A x of the closed loop without delay, x = [q, q', filters.., beta, beta'], Z kept."""
+def descriptor(p, pilot, cut=None):
+    """E x' = A x of the closed loop without delay, x = [q, q', filters.., actuator..], Z kept; and the row of beta.
+
+    Given a dictionary `cut`, the command is cut at the delay, before the actuator: "signal" and "moving" get the
+    command before, "enters" the column on E x' by which the command after it comes in, "through" its part of beta.
+
+    A signal is a row on x and a row on x'; beta'' is the derivative of beta' = C A x of the actuator's own states. The
+    accelerometer is felt2 of q'' = x', so that its loop through the engine is part of E and needs no solving.
+    """
     n = len(p.b0)
-    systems = [scipy.signal.tf2ss(f.numerator, f.denominator) for f in pilot.filter]
-    orders = [len(f.denominator) - 1 for f in pilot.filter]
-    size = 2 * n + sum(orders) + (2 if pilot.actuator else 0)
+    chain = [(f.numerator, f.denominator) for f in pilot.filter] + [actuator(pilot)]
+    size = 2 * n + sum(len(bottom) - 1 for _, bottom in chain)
     E, A = np.eye(size), np.zeros((size, size))
     A[:n, n : 2 * n] = np.eye(n)
     E[n : 2 * n, n : 2 * n] = p.E2
@@ -142,35 +182,46 @@ def descriptor(p, pilot):
     signal = np.zeros(size)
     signal[:n] = pilot.gain * pilot.attitude_gain * p.attitude
     signal[n : 2 * n] = pilot.gain * pilot.rate_gain * p.rate
+    signal[:n] += pilot.gain * pilot.accelerometer_gain * p.felt0
+    signal[0] += pilot.gain * pilot.drift_gain
+    signal[n] += pilot.gain * pilot.drift_rate_gain
+    moving = np.zeros(size)
+    moving[n : 2 * n] = pilot.gain * pilot.accelerometer_gain * p.felt2
     at = 2 * n
-    for (fa, fb, fc, fd), order in zip(systems, orders, strict=True):
+    for i, (top, bottom) in enumerate(chain):
+        if cut is not None and i == len(chain) - 1:
+            cut["signal"], cut["moving"], cut["enters"] = signal, moving, np.zeros(size)
+            signal, moving = np.zeros(size), np.zeros(size)
+        fa, fb, fc, fd = scipy.signal.tf2ss(top, bottom)
+        order = len(bottom) - 1
         rows = slice(at, at + order)
         if order:
             A[rows] += np.outer(fb[:, 0], signal)
             A[rows, rows] += fa
-        signal = fd[0, 0] * signal
+            E[rows] -= np.outer(fb[:, 0], moving)
+        signal, moving = fd[0, 0] * signal, fd[0, 0] * moving
         if order:
             signal[rows] += fc[0]
         at += order
-    if pilot.actuator:
-        wa, za = pilot.actuator.frequency, pilot.actuator.damping
-        A[at, at + 1] = 1.0
-        A[at + 1] += wa**2 * signal
-        A[at + 1, at] -= wa**2
-        A[at + 1, at + 1] -= 2 * za * wa
-        E[n : 2 * n, at + 1] = -p.b2
-        A[n : 2 * n, at] += p.b0
-    else:
-        assert not p.b2.any()
-        A[n : 2 * n] += np.outer(p.b0, signal)
-    return E, A
+    A[n : 2 * n] += np.outer(p.b0, signal)
+    E[n : 2 * n] -= np.outer(p.b0, moving)
+    assert not moving.any()
+    if cut is not None:
+        cut["enters"][rows if order else slice(0, 0)] = fb[:, 0] if order else []
+        cut["enters"][n : 2 * n] += p.b0 * fd[0, 0]
+        cut["through"] = fd[0, 0]
+    if p.b2.any():
+        assert fd[0, 0] == 0.0
+        assert np.abs(fc @ fb).max() == 0.0  # two orders: beta' is a combination of the states
+        E[n : 2 * n, rows] -= np.outer(p.b2, (fc @ fa)[0])
+    return E, A, signal
 
 
-def without_drift(p, E, A):
+def without_drift(p, pilot, E, A):
     """Strike out the states that nothing depends on: Z, and without air Z' too."""
     n = len(p.b0)
     A = np.linalg.solve(E, A)
-    gone = [0] if p.drift == 1 else [0, n]
+    gone = [0, n][: divided(p, pilot)]
     keep = np.delete(np.arange(len(A)), gone)
     assert not A[np.ix_(keep, gone)].any()
     return A[np.ix_(keep, keep)], keep
@@ -178,12 +229,13 @@ def without_drift(p, E, A):
 
 def poles(p, pilot):
     """Closed-loop poles without delay."""
-    return np.linalg.eigvals(without_drift(p, *descriptor(p, pilot))[0])
+    return np.linalg.eigvals(without_drift(p, pilot, *descriptor(p, pilot)[:2])[0])
 
 
 def unstable_poles(p, pilot):
     """Number of poles in the right half-plane: turns of the exact bordered determinant along the imaginary axis."""
-    order = 2 * len(p.b0) - p.drift + sum(len(f.denominator) - 1 for f in pilot.filter) + 2 * bool(pilot.actuator)
+    order = 2 * len(p.b0) - divided(p, pilot) + sum(len(f.denominator) - 1 for f in pilot.filter)
+    order += len(actuator(pilot)[1]) - 1
     prompt = poles(p, pilot.model_copy(update={"delay": 0.0}))
     size = np.abs(prompt)
     spread = np.array([-30, -10, -3, -1, -0.3, 0, 0.3, 1, 3, 10, 30])
@@ -216,25 +268,44 @@ def stable(p, pilot):
 
 
 def history(v, pilot, forces, z0, times):
-    """Slosh, engine angle and measured attitude; `forces` map z_j' to a damping acceleration. No delay."""
-    assert not pilot.delay
+    """Slosh, engine angle and measured attitude; `forces` map z_j' to a damping acceleration. A delay by steps."""
     p = second_order(v, np.zeros(len(v.tanks)))
-    E, A = descriptor(p, pilot)
+    cut = {} if pilot.delay else None
+    E, A, engine = descriptor(p, pilot, cut)
     n, nt = len(p.b0), p.tanks
     inverse = np.linalg.inv(E)
-    engine = np.zeros(len(A))
-    engine[-2 if pilot.actuator else 0] = 1.0
-    assert pilot.actuator
+    past = [lambda t: 0.0]  # the command of one delay ago
 
     def slope(t, x):
         f = A @ x
         for j in range(nt):
             f[n + 2 + j] += forces[j](x[n + 2 + j])
+        if cut:
+            f = f + cut["enters"] * past[0](t)
         return inverse @ f
 
     x = np.zeros(len(A))
     x[2 : 2 + nt] = z0
-    run = scipy.integrate.solve_ivp(slope, (0, times[-1]), x, t_eval=times, method="DOP853", rtol=1e-10, atol=1e-13)
-    assert run.success
-    y = run.y.T
-    return y[:, 2 : 2 + nt], y @ engine, y[:, :n] @ p.attitude
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-17}
+    if not cut:
+        run = scipy.integrate.solve_ivp(slope, (0, times[-1]), x, t_eval=times, **options)
+        assert run.success
+        y, beta = run.y.T, run.y.T @ engine
+        return y[:, 2 : 2 + nt], beta, y[:, :n] @ p.attitude
+    rows, beta, start = [], [], 0.0
+    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(25) / 24)
+    while start < times[-1] + 1e-9:
+        end = start + pilot.delay
+        run = scipy.integrate.solve_ivp(slope, (start, end), x, dense_output=True, **options)
+        assert run.success
+        here = times[(times >= start - 1e-9) & (times < end - 1e-9)]
+        states = run.sol(here).T
+        rows.append(states)
+        beta.append(states @ engine + cut["through"] * np.array([past[0](t) for t in here]))
+        t = start + nodes * pilot.delay
+        # the command is sampled with x' as it is in this step, and read by a polynomial in the next
+        u = [cut["signal"] @ y + cut["moving"] @ slope(at, y) for at, y in zip(t, run.sol(t).T, strict=True)]
+        past[0] = scipy.interpolate.BarycentricInterpolator(t + pilot.delay, u)
+        x, start = run.y[:, -1], end
+    y = np.concatenate(rows)
+    return y[:, 2 : 2 + nt], np.concatenate(beta), y[:, :n] @ p.attitude

@@ -170,7 +170,7 @@ def test_drift_takes_two_neutral_poles_along_and_one_where_the_air_holds_the_lat
     for case, damping, p, loop in many[:200]:
         air = case.vehicle.aerodynamics is not None
         assert loop.plant.drift_poles == p.drift == (1 if air else 2)
-        _, A = second.descriptor(p, case.autopilot.model_copy(update={"delay": 0.0}))
+        _, A, _ = second.descriptor(p, case.autopilot.model_copy(update={"delay": 0.0}))
         prompt = case.model_copy(update={"autopilot": case.autopilot.model_copy(update={"delay": 0.0})})
         assert len(closed_loop_eigenvalues(open_loop(prompt, damping=damping))) == len(A) - p.drift
         assert without_drift(plant(case.vehicle)).velocity_only == air

@@ -81,10 +81,53 @@ class Case(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.vehicle.engine is not None and self.autopilot.actuator is None:
+        actuator = self.autopilot.actuator
+        if self.vehicle.engine is not None and actuator is None:
             raise refusal(
                 ("vehicle", "engine"),
                 "has inertia, but nothing accelerates it: the autopilot has no actuator",
                 "give autopilot.actuator its frequency and damping",
             )
+        if self.vehicle.engine is not None and actuator is not None:
+            top, bottom = actuator.fraction
+            if len(bottom) < len(top) + 2:
+                raise refusal(
+                    ("autopilot", "actuator", "numerator"),
+                    "is of less than two orders below the denominator: a step of the command would jerk the engine "
+                    "without end, and it has inertia",
+                    "give a denominator of two orders more",
+                )
+        if self.vehicle.accelerometer_station is not None and not np.any(self.autopilot.accelerometer_gain):
+            raise refusal(
+                ("vehicle", "accelerometer_station"),
+                "is read by nothing: the accelerometer gain is 0",
+                "give autopilot.accelerometer_gain or leave the station out",
+            )
+        fault = accelerometer_fault(self.vehicle, self.autopilot)
+        if fault is not None:
+            raise refusal(*fault)
         return self
+
+
+def accelerometer_fault(vehicle: Vehicle, autopilot: Autopilot) -> tuple[tuple[str | int, ...], str, str] | None:
+    """Return the key, the rule and the cure where an accelerometer is fed back that the model cannot follow.
+
+    The accelerometer feels the thrust at once, as beta, and the engine's inertia, as beta''. With less lag than that
+    the loop is algebraic, and with any delay neutral: nothing of it survives the next lag that is left out.
+    """
+    if not np.any(autopilot.accelerometer_gain):
+        return None
+    missing = "is missing: the autopilot feeds an accelerometer back"
+    if vehicle.accelerometer_station is None:
+        return ("vehicle", "accelerometer_station"), missing, 'add accelerometer_station = "9 m"'
+    for i, mode in enumerate(vehicle.flexible_modes):
+        if mode.accelerometer is None:
+            cure = 'add accelerometer = { deflection = 0.5, slope = "0.05 1/m" }'
+            return ("vehicle", "flexible_modes", i, "accelerometer"), missing, cure
+    if autopilot.lag_order < (1 if vehicle.engine is None else 3):
+        rule = "feeds the thrust back at once: neither actuator nor filters lag"
+        if vehicle.engine is not None:
+            rule = "feeds the engine's inertia back at once: actuator and filters roll off by less than three orders"
+        cure = "give the autopilot an actuator or a filter that lags, as an accelerometer has"
+        return ("autopilot", "accelerometer_gain"), rule, cure
+    return None

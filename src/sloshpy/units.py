@@ -50,6 +50,9 @@ _EXAMPLES = {
     "1/m": '"0.1 1/m" or "10 %/m"',
     "m/s": '"400 m/s"',
     "m/s^2": '"12.1 m/s^2" or "1.2 g_0"',
+    "rad/(m/s^2)": '"0.004 rad/(m/s^2)" or "0.2 deg/(m/s^2)"',
+    "rad/m": '"0.0002 rad/m" or "0.01 deg/m"',
+    "rad/(m/s)": '"0.002 rad/(m/s)" or "0.1 deg/(m/s)"',
     "dB": '"6 dB"',
     "1": '0.048 or "4.8 %"',
 }
@@ -66,6 +69,8 @@ _KINDS = {
     "m/s": "a speed",
     "m/s^2": "an acceleration",
     "1/m": "a ratio per length",
+    "s/m": "an angle per speed",
+    "s^2/m": "an angle per acceleration",
     "dimensionless": "a plain number or an angle",
 }
 
@@ -164,6 +169,8 @@ def _convert(value: float, name: str, unit: str) -> float:
         raise UnitError("does not say whether it is cyclic or angular", f"write {example(unit)}")
     if unit == "rad" and angular == 0:
         raise UnitError("is not an angle", f"write {example(unit)}")
+    if unit.startswith(("rad/(", "rad/m")) and angular == 0:
+        raise UnitError("does not say of which angle", f"write {example(unit)}")
     if unit == "1" and (angular != 0 or cyclic != 0):
         raise UnitError("is an angle or a frequency, must be a plain number", f"write {example(unit)}")
     if unit != "rad/s" and cyclic != 0:

@@ -18,7 +18,7 @@ ONE = 'write 0.048 or "4.8 %"'
 PERCENT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
 BESIDE = "put the table beside the case file or below its folder"
 TOML = 'write key = value, with texts and quantities in quotation marks, as in mass = "16000 kg"'
-VEHICLE = "cg, drag, inertia, mass, thrust, vectored_thrust"
+VEHICLE = "accelerometer_station, cg, drag, inertia, mass, thrust, vectored_thrust"
 MASS, CG, THRUST, GAIN = 'mass = "16000 kg"', 'cg = "6 m"', 'thrust = "900 kN"', "attitude_gain = 0.08"
 
 SHAPE = 'tank.{} = {{ deflection = -0.3, slope = "0.02 1/m" }}\n'
@@ -27,6 +27,7 @@ MODE = (
     'gimbal = { deflection = 1.0, slope = "-0.08 1/m" }\ngyro = { slope = "0.05 1/m" }\n' + SHAPE.format("LOX")
 )
 ENGINE = '[engine]\nfirst_moment = "1500 kg*m"\ninertia = "2500 kg*m^2"\n'
+FORMS = "give one form: an actuator has frequency and damping, or numerator and denominator"
 ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     # units
     "bare number": (MASS, "mass = 16000", (4, "vehicle mass", "16000", "has no unit", 'write it with its unit, as in "16000 kg" (kg)')),
@@ -65,7 +66,7 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "text in a list": ("  0.02,", '  "x",', (33, "autopilot filter 1 denominator 1", '"x"', "must start with a number", ONE)),
     "number for list": ("numerator = [1.0]", "numerator = 1.0", (31, "autopilot filter 1 numerator", "1.0", "must be a list", "write it in [ ]")),
     "empty list": ("numerator = [1.0]", "numerator = []", (31, "autopilot filter 1 numerator", "[]", "must not be empty", "give at least one")),
-    "number for table": (GAIN, f"{GAIN}\nactuator = 3", (28, "autopilot actuator", "3", "must be a table", "its keys are damping, deadband, deflection_limit, frequency, rate_limit")),
+    "number for table": (GAIN, f"{GAIN}\nactuator = 3", (28, "autopilot actuator", "3", "must be a table", "its keys are damping, deadband, deflection_limit, denominator, frequency, numerator, rate_limit")),
     "number for damping": (POWER, "0.01", (14, 'tank "LOX" damping', "0.01", "must be a table", 'write { law = "constant", ratio = 0.01 } or another law')),
     "number for name": ('name = "LOX"', "name = 3", (10, "tank 1 name", "3", "must be a text", "write it in quotation marks")),
     "name with a line end": ('name = "LOX"', 'name = "L\\nX"', (10, "tank 1 name", '"L\\nX"', "must be 1 to 64 letters, digits, spaces, _ . or -, the first a letter or digit", "rename it")),
@@ -80,7 +81,7 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "a source": ("[criteria]", '[source]\nfile = "x"\n[criteria]', (37, "source", "", "is an unknown key", "the names here are aerodynamics, autopilot, criteria, engine, flexible_mode, name, tank, vehicle")),
     "missing key": (f"{THRUST}\n", "", (3, "vehicle thrust", "", "is missing", f"add {THRUST}")),
     "missing key of a tank": ('name = "LOX"\n', "", (9, "tank 1 name", "", "is missing", 'add name = "..."')),
-    "missing key of an inline table": (GAIN, f'{GAIN}\nactuator = {{ frequency = "6 Hz" }}', (28, "autopilot actuator damping", "", "is missing", "add damping = 0.048")),
+    "missing key of an inline table": (GAIN, f'{GAIN}\nactuator = {{ frequency = "6 Hz" }}', (28, "autopilot actuator damping", "", "is missing", "add damping = 0.7")),
     "missing name": ('name = "A stage"\n', "", (1, "name", "", "is missing", 'add name = "..." at the top')),
     "missing damping": (f"damping = {POWER}\n", "", (9, 'tank "LOX" damping', "", "is missing", 'add damping = { law = "constant", ratio = 0.01 } or another law')),
     "duplicate tank": ('"LH2"', '"lox"', (17, 'tank "lox" name', '"lox"', "is the name of the tank in line 10 too", "rename one")),
@@ -91,6 +92,18 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "mode that leaves a tank out": ("[criteria]", f"{MODE}[criteria]", (44, 'flexible_mode "x" tank', "", 'has no shape at tank "LH2"', "give tank.LH2 its deflection and slope")),
     "mode at a tank that is not": ("[criteria]", f"{MODE}{SHAPE.format('LH2')}{SHAPE.format('RP1')}[criteria]", (46, 'flexible_mode "x" tank RP1', '{ deflection = -0.3, slope = "0.02 1/m" }', "is no tank of the case", "one of LOX, LH2")),
     "mode with a wrong unit": ("[criteria]", f"{MODE}{SHAPE.format('LH2')}".replace("-0.08 1/m", "-0.08 m") + "[criteria]", (42, 'flexible_mode "x" gimbal slope', '"-0.08 m"', "is a length, must be a ratio per length", 'write "0.1 1/m" or "10 %/m"')),
+    "actuator in both forms": (GAIN, f'{GAIN}\nactuator = {{ frequency = "6 Hz", damping = 0.7, numerator = [1], denominator = [1, 1] }}', (28, "autopilot actuator numerator", "[1]", "stands beside frequency and damping", FORMS)),
+    "actuator with half of both": (GAIN, f'{GAIN}\nactuator = {{ frequency = "6 Hz", damping = 0.7, denominator = [1, 1] }}', (28, "autopilot actuator denominator", "[1, 1]", "stands beside frequency and damping", FORMS)),
+    "actuator without a frequency": (GAIN, f"{GAIN}\nactuator = {{ damping = 0.7 }}", (28, "autopilot actuator damping", "0.7", "stands without frequency", FORMS[15:])),
+    "actuator of nothing": (GAIN, f"{GAIN}\nactuator = {{}}", (28, "autopilot actuator frequency", "", "is missing", 'add frequency = "6 Hz" and damping, or a transfer function')),
+    "actuator without a denominator": (GAIN, f"{GAIN}\nactuator = {{ numerator = [1] }}", (28, "autopilot actuator numerator", "[1]", "stands without denominator", "add denominator = [...]")),
+    "improper actuator": (GAIN, f"{GAIN}\nactuator = {{ numerator = [1, 1], denominator = [1] }}", (28, "autopilot actuator numerator", "[1, 1]", "has more coefficients than the denominator", "an actuator must be proper")),
+    "actuator led by zero": (GAIN, f"{GAIN}\nactuator = {{ numerator = [1], denominator = [0, 1, 1] }}", (28, "autopilot actuator denominator", "[0, 1, 1]", "must not start with 0", "drop the leading zeros")),
+    "unstable actuator": (GAIN, f"{GAIN}\nactuator = {{ numerator = [9], denominator = [1, -1, 9] }}", (28, "autopilot actuator denominator", "[1, -1, 9]", "has a pole at 0.5 +- 2.958j rad/s", "an actuator is stable: every pole lies left of the axis")),
+    "neutral actuator": (GAIN, f"{GAIN}\nactuator = {{ numerator = [9], denominator = [1, 0, 9] }}", (28, "autopilot actuator denominator", "[1, 0, 9]", "has a pole at 0 +- 3j rad/s", "an actuator is stable: every pole lies left of the axis")),
+    "integrating actuator": (GAIN, f"{GAIN}\nactuator = {{ numerator = [9], denominator = [1, 9, 0] }}", (28, "autopilot actuator denominator", "[1, 9, 0]", "has a pole at 0 rad/s", "an actuator is stable: every pole lies left of the axis")),
+    "limit of a transfer function": (GAIN, f'{GAIN}\nactuator = {{ numerator = [9], denominator = [1, 9], rate_limit = "1 deg/s" }}', (28, "autopilot actuator rate_limit", '"1 deg/s"', "needs the actuator's frequency and damping: a transfer function has no rate to limit", "give frequency and damping in place of numerator and denominator")),
+    "engine on a first-order actuator": ("[autopilot]", f"{ENGINE}[autopilot]\nactuator = {{ numerator = [9], denominator = [1, 9] }}", (30, "autopilot actuator numerator", "[9]", "is of less than two orders below the denominator: a step of the command would jerk the engine without end, and it has inertia", "give a denominator of two orders more")),
     "engine without an actuator": ("[criteria]", f"{ENGINE}[criteria]", (37, "engine", "", "has inertia, but nothing accelerates it: the autopilot has no actuator", "give autopilot.actuator its frequency and damping")),
     "mode named as a tank": ("[criteria]", f"{MODE}{SHAPE.format('LH2')}".replace('name = "x"', 'name = "lox"') + "[criteria]", (38, 'flexible_mode "lox" name', '"lox"', "is the name of a tank or of another mode too", "rename one")),
     "engine heavier than the vehicle": ("[criteria]", '[engine]\nfirst_moment = "15000 kg*m"\ninertia = "2500 kg*m^2"\n[criteria]', (38, "engine first_moment", '"15000 kg*m"', "squared over the inertia is more than the vehicle's mass", "both are about the gimbal: inertia is at least first_moment^2 / mass of the engines")),

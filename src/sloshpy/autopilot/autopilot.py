@@ -1,30 +1,99 @@
 """Gains, filters, delay and actuator.
 
-phi, phi' --> a0 phi + a1 phi' --> gain --> filters --> delay --> actuator --> beta
+phi, phi', acc, Z, Z' --> a0 phi + a1 phi' + a2 acc + b0 Z + b1 Z' --> gain --> filters --> delay --> actuator --> beta
 """
 
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from sloshpy.units import Quantity, Real, refusal
+from sloshpy.units import Array, Quantity, Real, refusal
 
 _CONFIG = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
 
+_Coefficients = tuple[Annotated[float, Quantity("1", "", "coefficient")], ...]
+_TWO_FORMS = "an actuator has frequency and damping, or numerator and denominator"
+ROUNDING = 1e-12  # a root this near the imaginary axis, relative to its size, is one on it
+
+
 class Actuator(BaseModel):
-    """Second-order engine actuator w^2 / (s^2 + 2 zeta w s + w^2) with optional limits."""
+    """Engine actuator w^2 / (s^2 + 2 zeta w s + w^2) with optional limits, or a stable transfer function.
+
+    Coefficients are in descending powers of s.
+    """
 
     model_config = _CONFIG
 
-    frequency: Annotated[float, Quantity("rad/s", "w_a", "natural frequency", above=0.0)]
-    damping: Annotated[float, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)]
+    frequency: Annotated[float, Quantity("rad/s", "w_a", "natural frequency", above=0.0)] | None = None
+    damping: Annotated[float, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)] | None = Field(
+        default=None, validate_default=True
+    )
     deflection_limit: Annotated[float, Quantity("rad", "", "largest engine angle", above=0.0)] | None = None
     rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0)] | None = None
     deadband: (
         Annotated[float, Quantity("rad", "", "half width of the command's dead band about zero", above=0.0)] | None
     ) = None
+    numerator: _Coefficients | None = Field(
+        default=None, min_length=1, description="of the transfer function, in place of frequency and damping"
+    )
+    denominator: _Coefficients | None = Field(default=None, min_length=1, description="of the transfer function")
+
+    @field_validator("damping")
+    @classmethod
+    def _whole_form(cls, value: float | None, info: ValidationInfo) -> float | None:
+        if value is None and info.data.get("frequency") is not None:
+            raise refusal((), "is missing", "add damping = 0.7")
+        if value is not None and info.data.get("frequency", value) is None:
+            raise refusal((), "stands without frequency", _TWO_FORMS)
+        return value
+
+    @field_validator("numerator", "denominator")
+    @classmethod
+    def _leading_coefficient(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        return None if value is None else _led(value)
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        second_order, fraction = self.frequency is not None, (self.numerator is not None, self.denominator is not None)
+        if second_order and any(fraction):
+            given = "numerator" if fraction[0] else "denominator"
+            raise refusal((given,), "stands beside frequency and damping", f"give one form: {_TWO_FORMS}")
+        if not second_order and not any(fraction):
+            raise refusal(("frequency",), "is missing", 'add frequency = "6 Hz" and damping, or a transfer function')
+        if any(fraction) and not all(fraction):
+            given, lacks = ("numerator", "denominator") if fraction[0] else ("denominator", "numerator")
+            raise refusal((given,), f"stands without {lacks}", f"add {lacks} = [...]")
+        if all(fraction):
+            self._sound_fraction()
+        return self
+
+    def _sound_fraction(self) -> None:
+        top, bottom = self.fraction
+        if len(top) > len(bottom):
+            raise refusal(("numerator",), "has more coefficients than the denominator", "an actuator must be proper")
+        roots = np.roots(bottom)
+        if np.any(roots.real >= -ROUNDING * np.abs(roots)):
+            worst = roots[np.argmax(roots.real)] + 0.0  # no -0
+            place = (
+                f"{worst.real:.4g} rad/s" if worst.imag == 0.0 else f"{worst.real:.4g} +- {abs(worst.imag):.4g}j rad/s"
+            )
+            raise refusal(
+                ("denominator",), f"has a pole at {place}", "an actuator is stable: every pole lies left of the axis"
+            )
+        for limit in ("deflection_limit", "rate_limit", "deadband"):
+            if getattr(self, limit) is not None:
+                rule = "needs the actuator's frequency and damping: a transfer function has no rate to limit"
+                raise refusal((limit,), rule, "give frequency and damping in place of numerator and denominator")
+
+    @property
+    def fraction(self) -> tuple[Array, Array]:
+        """Numerator and denominator in descending powers of s."""
+        if self.numerator is not None and self.denominator is not None:
+            return np.array(self.numerator), np.array(self.denominator)
+        w, zeta = self.frequency or 0.0, self.damping or 0.0  # one form is whole
+        return np.array([w**2]), np.array([1.0, 2.0 * zeta * w, w**2])
 
 
 class Filter(BaseModel):
@@ -32,15 +101,13 @@ class Filter(BaseModel):
 
     model_config = _CONFIG
 
-    numerator: tuple[Annotated[float, Quantity("1", "", "coefficient")], ...] = Field(min_length=1)
-    denominator: tuple[Annotated[float, Quantity("1", "", "coefficient")], ...] = Field(min_length=1)
+    numerator: _Coefficients = Field(min_length=1)
+    denominator: _Coefficients = Field(min_length=1)
 
     @field_validator("numerator", "denominator")
     @classmethod
     def _leading_coefficient(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if value[0] == 0.0:
-            raise refusal((), "must not start with 0", "drop the leading zeros")
-        return value
+        return _led(value)
 
     @model_validator(mode="after")
     def _proper(self) -> Self:
@@ -49,9 +116,17 @@ class Filter(BaseModel):
         return self
 
 
-class Autopilot(BaseModel):
-    """Attitude control beta = a0 phi + a1 phi' (eq 13, sign corrected) with gain, filters, delay and actuator.
+def _led(coefficients: tuple[float, ...]) -> tuple[float, ...]:
+    if coefficients[0] == 0.0:
+        raise refusal((), "must not start with 0", "drop the leading zeros")
+    return coefficients
 
+
+class Autopilot(BaseModel):
+    """Control beta = a0 phi + a1 phi' + a2 acc + b0 Z + b1 Z' (eq 13, sign corrected), gain, filters, delay, actuator.
+
+    acc is the specific force along the body's lateral axis at the accelerometer; Z is the drift of the c.g., which an
+    outer loop of guidance holds with positive gains b0, b1. All share gain, filters, delay and actuator.
     Gains and delay may carry leading axes (arrays): a batch of autopilots.
     """
 
@@ -59,6 +134,11 @@ class Autopilot(BaseModel):
 
     attitude_gain: Annotated[Real, Quantity("1", "a_0", "attitude gain, rad/rad", least=0.0)]
     rate_gain: Annotated[Real, Quantity("s", "a_1", "attitude-rate gain, rad/(rad/s)", least=0.0)]
+    accelerometer_gain: Annotated[
+        Real, Quantity("rad/(m/s^2)", "a_2", "gain of the lateral accelerometer, rad/(m/s^2)")
+    ] = 0.0
+    drift_gain: Annotated[Real, Quantity("rad/m", "b_0", "gain of the lateral drift of the c.g., rad/m")] = 0.0
+    drift_rate_gain: Annotated[Real, Quantity("rad/(m/s)", "b_1", "gain of the drift's rate, rad/(m/s)")] = 0.0
     gain: Annotated[Real, Quantity("dB", "", "extra loop gain", above=1e-5, below=1e5)] = 1.0
     delay: Annotated[Real, Quantity("s", "tau", "pure delay in the loop", least=0.0, most=5.0)] = 0.0
     actuator: Actuator | None = None
@@ -68,7 +148,28 @@ class Autopilot(BaseModel):
     def _closes_the_loop(self) -> Self:
         if np.any((np.asarray(self.attitude_gain) == 0.0) & (np.asarray(self.rate_gain) == 0.0)):
             raise refusal(("attitude_gain",), "and rate_gain are both 0: the loop is open", "give at least one gain")
+        if self.mixed_drift:
+            raise refusal(
+                (self.mixed_drift,), "is 0 for some autopilots of the batch", "put those into a batch of their own"
+            )
         return self
+
+    @property
+    def mixed_drift(self) -> str:
+        """Which drift gain is 0 for some of a batch alone, "" for none: they would have another set of states."""
+        position, velocity = np.asarray(self.drift_gain) != 0.0, np.asarray(self.drift_rate_gain) != 0.0
+        if np.any(position):
+            return "" if np.all(position) else "drift_gain"
+        return "" if np.all(velocity) or not np.any(velocity) else "drift_rate_gain"
+
+    @property
+    def lag_order(self) -> int:
+        """Orders by which filters and actuator together roll off: poles less zeros; a delay is no lag of this kind."""
+        parts = [(len(f.numerator), len(f.denominator)) for f in self.filter]
+        if self.actuator is not None:
+            top, bottom = self.actuator.fraction
+            parts.append((len(top), len(bottom)))
+        return sum(below - above for above, below in parts)
 
     def degraded(self, gain: float = 1.0, delay: float = 0.0) -> "Autopilot":
         """Return the autopilot with an extra loop gain (amplitude ratio, > 0) and an extra delay in s."""

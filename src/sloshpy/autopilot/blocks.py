@@ -24,8 +24,18 @@ class Block:
 
 
 def filter_block(filter_: Filter) -> Block:
-    """Return a filter in controllable canonical form, its frequency scaled so that the entries are of one size."""
-    b, a = np.array(filter_.numerator) / filter_.denominator[0], np.array(filter_.denominator) / filter_.denominator[0]
+    """Return a filter in controllable canonical form."""
+    return _rational("filter", np.array(filter_.numerator), np.array(filter_.denominator))
+
+
+def actuator_block(actuator: Actuator) -> Block:
+    """Return an actuator, without its limits, in controllable canonical form."""
+    return _rational("actuator", *actuator.fraction)
+
+
+def _rational(kind: str, numerator: Array, denominator: Array) -> Block:
+    """Return a fraction in controllable canonical form, its frequency scaled so that the entries are of one size."""
+    b, a = numerator / denominator[0], denominator / denominator[0]
     k = len(a) - 1
     b = np.concatenate([np.zeros(len(a) - len(b)), b])
     w = max((abs(a[i]) ** (1.0 / i) for i in range(1, k + 1)), default=1.0) or 1.0
@@ -34,7 +44,7 @@ def filter_block(filter_: Filter) -> Block:
     A = np.zeros((k, k))
     if k:
         A[0], A[1:, :-1] = -a[1:], np.eye(k - 1)
-    return Block(kind="filter", A=w * A, B=w * np.eye(k)[:, 0] if k else np.zeros(0), C=b[1:] - b[0] * a[1:], D=b[0])
+    return Block(kind=kind, A=w * A, B=w * np.eye(k)[:, 0] if k else np.zeros(0), C=b[1:] - b[0] * a[1:], D=b[0])
 
 
 def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:
@@ -62,13 +72,6 @@ def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:
         C=np.broadcast_to(C, (*rate.shape[:-1], order)),
         D=np.ones(rate.shape[:-1]),
     )
-
-
-def actuator_block(actuator: Actuator) -> Block:
-    """Return the second-order actuator; its states are angle over w and rate over w^2."""
-    w, zeta = actuator.frequency, actuator.damping
-    A = np.array([[0.0, w], [-w, -2.0 * zeta * w]])
-    return Block(kind="actuator", A=A, B=np.array([0.0, w]), C=np.array([1.0, 0.0]), D=np.array(0.0))
 
 
 def series_blocks(autopilot: Autopilot, delay_parts: int = 1) -> list[Block]:

@@ -20,8 +20,7 @@ def forward_fraction(autopilot: Autopilot, s: ComplexArray) -> tuple[ComplexArra
     d, dn, dd = np.ones_like(n), -tau * n, np.zeros_like(n)
     factors = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
     if autopilot.actuator is not None:
-        w, zeta = autopilot.actuator.frequency, autopilot.actuator.damping
-        factors.append((np.array([w**2]), np.array([1.0, 2.0 * zeta * w, w**2])))
+        factors.append(autopilot.actuator.fraction)
     for top, bottom in factors:
         # scaled by the denominator's largest coefficient, which leaves the fraction alone
         size = np.max(np.abs(bottom))

@@ -1,9 +1,9 @@
 """The loop, broken at the engine command: plant, autopilot and one slosh damping for each tank.
 
-            +--------------------------------------------------------------+
-            |                                                              |
-    L(s) = -|  a0 phi + a1 phi' <-- plant <-- beta <-- actuator <-- delay <-- filters <-- gain
-                                                    ^ broken here
+            +--------------------------------------------------------------------+
+            |                                                                    |
+    L(s) = -|  a0 phi + a1 phi' + ... <-- plant <-- beta <-- actuator <-- delay <-- filters <-- gain
+                                                          ^ broken here
 
 L(s) has the negative-feedback sign: the critical point is -1, that is 0 dB at -180 deg.
 """
@@ -14,11 +14,14 @@ from typing import Any
 import numpy as np
 
 from sloshpy.autopilot import Autopilot
-from sloshpy.case import Case
+from sloshpy.case import Case, accelerometer_fault
 from sloshpy.damping import small_amplitude_ratio
 from sloshpy.dynamics.plant import Plant, plant, without_drift
 from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, IntArray, Real
+
+# numbers of the autopilot that may carry leading axes
+_NUMBERS = ("attitude_gain", "rate_gain", "accelerometer_gain", "drift_gain", "drift_rate_gain", "gain", "delay")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +42,7 @@ class Loop:
         return np.broadcast_shapes(
             self.plant.mass.shape[:-2],
             self.damping.shape[:-1],
-            *(np.shape(x) for x in (a.attitude_gain, a.rate_gain, a.gain, a.delay)),
+            *(np.shape(getattr(a, name)) for name in _NUMBERS),
         )
 
     def along(self) -> "Loop":
@@ -71,7 +74,7 @@ class Loop:
     def _mapped(self, change: Any) -> "Loop":
         """Apply a change of the batch axes to every array; `own` is the number of axes that are not the batch's."""
         p, a = self.plant, self.autopilot
-        gains = {k: np.asarray(getattr(a, k)) for k in ("attitude_gain", "rate_gain", "gain", "delay")}
+        gains = {name: np.asarray(getattr(a, name)) for name in _NUMBERS}
         return replace(
             self,
             plant=replace(
@@ -83,6 +86,7 @@ class Loop:
                 inertial_force=change(p.inertial_force, 1),
                 attitude=change(p.attitude, 1),
                 rate=change(p.rate, 1),
+                accelerometer=None if p.accelerometer is None else change(p.accelerometer, 2),
                 tank_mass=change(p.tank_mass, 1),
                 tank_frequency=change(p.tank_frequency, 1),
             ),
@@ -100,10 +104,18 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
         amplitude: slosh amplitudes in m at which each tank's law is read (same shapes); default: small amplitude.
 
     Raises:
-        OutsideValidity: an amplitude outside a tank's damping table.
+        OutsideValidity: an amplitude outside a tank's damping table, or an accelerometer fed back without its station,
+            shapes or lag (a case that was changed by `model_copy`; a new one is refused at once).
     """
     if damping is not None and amplitude is not None:
         raise ValueError("give damping or amplitude: each says what the other would")
+    fault = accelerometer_fault(case.vehicle, case.autopilot)
+    if fault is not None:
+        raise OutsideValidity(f"{' '.join(map(str, fault[0]))} {fault[1]}; {fault[2]}")
+    if case.autopilot.mixed_drift:
+        raise OutsideValidity(
+            f"{case.autopilot.mixed_drift} is 0 for some of the batch; put those into one of their own"
+        )
     n = len(case.vehicle.tanks)
     laws = [tank.damping for tank in case.vehicle.tanks]
     if damping is None and amplitude is None:
@@ -123,7 +135,9 @@ def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = 
         beyond = [t.name for j, t in enumerate(case.vehicle.tanks) if np.any(xi[..., j] > 1.0)]
         if beyond:
             raise OutsideValidity(f"at that amplitude the law of {', '.join(beyond)} gives more than critical damping")
-    return Loop(plant=without_drift(plant(case.vehicle)), autopilot=case.autopilot, damping=xi)
+    a = case.autopilot
+    kept = without_drift(plant(case.vehicle), bool(np.any(a.drift_gain)), bool(np.any(a.drift_rate_gain)))
+    return Loop(plant=kept, autopilot=a, damping=xi)
 
 
 def _per_tank(value: Real, n: int) -> Array:

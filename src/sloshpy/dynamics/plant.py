@@ -12,6 +12,12 @@ Row by row, multiplied by M, I and m_j (so that Mq is symmetric), with alpha = p
     eta_i: M_i (eta_i'' + 2 zeta_i W_i eta_i' + W_i^2 eta_i) + sum_j m_j (Y_ij z_j'' - a Y'_ij z_j)
                                                        = (R' Y_i0 - a S Y'_i0) beta + (S Y_i0 - I_e Y'_i0) beta''
 
+The accelerometer at X_a feels the specific force along the body's lateral axis,
+
+    acc = Z'' + (X_a - Xcg) phi'' + sum_i Y_ia eta_i'' - a (phi + sum_i Y'_ia eta_i)
+
+so that a rigid vehicle that drifts under its own thrust (Z'' = a phi) feels nothing at its c.g.
+
 The paper prints the sum of eq 1 with the other sign; the symmetry of Mq and eqs 9, 10 and 21 settle it. The thrust
 follows the rigid axis: its turning with the slope of the bent axis at the gimbal is left out.
 The slosh damping is not in Cq: it is fed back from z_j' wherever a damping is known (see `response`).
@@ -32,9 +38,11 @@ class Plant:
     mass, damping, stiffness: (..., n, n), SI; the damping is without slosh damping.
     force, inertial_force: (..., n), generalised force per radian of engine angle and per rad/s^2 of its acceleration.
     attitude, rate: (..., n), rows that pick the measured attitude from q and the measured rate from q'.
+    accelerometer: (..., 3, n + 1), what it feels: coefficients of s^0, s^1, s^2 on [q, beta]; None where there is none.
     tanks: names; tank j is coordinate `first_tank + j`. tank_mass, tank_frequency: (..., n_tanks).
     modes: names of the bending modes, the last coordinates.
     velocity_only: coordinate 0 is Z and enters by Z' alone (its column of the stiffness is zero).
+    guided: the autopilot feeds Z or Z' back, so that drift is a mode of the loop.
     drift_poles: neutral poles at the origin that were removed by structure.
     """
 
@@ -51,7 +59,9 @@ class Plant:
     tank_frequency: Array
     modes: tuple[str, ...] = ()
     velocity_only: bool = False
+    guided: bool = False
     drift_poles: int = 0
+    accelerometer: Array | None = None
 
     @property
     def slosh(self) -> slice:
@@ -70,8 +80,9 @@ class Plant:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """What each coordinate belongs to: rigid body, a tank's slosh, a bending mode."""
-        return (*["rigid body"] * self.first_tank, *(f"{tank} slosh" for tank in self.tanks), *self.modes)
+        """What each coordinate belongs to: rigid body, a tank's slosh, a bending mode; guided drift by itself."""
+        body = ["drift"] * self.guided + ["rigid body"] * (self.first_tank - self.guided)
+        return (*body, *(f"{tank} slosh" for tank in self.tanks), *self.modes)
 
 
 def plant(vehicle: Vehicle) -> Plant:
@@ -118,6 +129,7 @@ def plant(vehicle: Vehicle) -> Plant:
         Kq[..., 1, 1] -= arm * N
         Cq[..., 0, 0] += N / V
         Cq[..., 1, 0] += arm * N / V
+    felt = _felt(vehicle, F_axial / M, batch)
     return Plant(
         mass=Mq,
         damping=Cq,
@@ -131,7 +143,23 @@ def plant(vehicle: Vehicle) -> Plant:
         tank_mass=_stacked([t.slosh_mass for t in tanks], batch),
         tank_frequency=_stacked([t.frequency for t in tanks], batch),
         modes=tuple(mode.name for mode in modes),
+        accelerometer=felt,
     )
+
+
+def _felt(vehicle: Vehicle, a: Array, batch: tuple[int, ...]) -> Array | None:
+    """Return the rows of the accelerometer on [Z, phi, z_j, eta_i, beta], None where the vehicle has none."""
+    if vehicle.accelerometer_station is None:
+        return None
+    first = 2 + len(vehicle.tanks)
+    rows = np.zeros((*batch, 3, first + len(vehicle.flexible_modes) + 1))
+    rows[..., 2, 0] = 1.0
+    rows[..., 2, 1] = np.asarray(vehicle.accelerometer_station) - vehicle.cg
+    rows[..., 0, 1] = -a
+    for i, mode in enumerate(vehicle.flexible_modes, start=first):
+        if mode.accelerometer is not None:  # a case that feeds it back has it
+            rows[..., 2, i], rows[..., 0, i] = mode.accelerometer.deflection, -a * mode.accelerometer.slope
+    return rows
 
 
 def _numbers(vehicle: Vehicle) -> list[Real]:
@@ -144,6 +172,7 @@ def _numbers(vehicle: Vehicle) -> list[Real]:
         vehicle.vectored_thrust,
         vehicle.drag,
     ]
+    numbers += [vehicle.accelerometer_station] if vehicle.accelerometer_station is not None else []
     for tank in vehicle.tanks:
         numbers += [tank.slosh_mass, tank.station, tank.frequency]
     for mode in vehicle.flexible_modes:
@@ -152,6 +181,7 @@ def _numbers(vehicle: Vehicle) -> list[Real]:
             number for shape in (mode.gimbal, *mode.tank.values()) for number in (shape.deflection, shape.slope)
         ]
         numbers += [mode.rate_gyro.slope] if mode.rate_gyro is not None else []
+        numbers += [mode.accelerometer.deflection, mode.accelerometer.slope] if mode.accelerometer is not None else []
     if vehicle.engine is not None:
         numbers += [vehicle.engine.first_moment, vehicle.engine.inertia]
     if vehicle.aerodynamics is not None:
@@ -166,17 +196,19 @@ def _stacked(values: list[Real], batch: tuple[int, ...]) -> Array:
     return np.stack([np.broadcast_to(np.asarray(x, dtype=float), batch) for x in values], axis=-1)
 
 
-def without_drift(full: Plant) -> Plant:
-    """Remove drift from the plant by structure, never by a tolerance on its poles.
+def without_drift(full: Plant, position_fed: bool = False, velocity_fed: bool = False) -> Plant:
+    """Remove drift from the plant by structure, never by a tolerance on its poles; keep what is fed back, Z or Z'.
 
     Where nothing depends on Z or Z' (their columns are exactly zero), row Z gives Z'' alone; put into the other rows it
     leaves a plant without the two neutral poles that attitude control neither sees nor moves. Where Z' counts
-    (aerodynamics) but Z does not, one neutral pole goes.
+    (aerodynamics, or guidance by the rate alone) but Z does not, one neutral pole goes.
     """
+    if position_fed:
+        return replace(full, guided=True)
     if np.any(full.stiffness[..., :, 0]) or np.any(full.attitude[..., 0]) or np.any(full.rate[..., 0]):
         return full
-    if np.any(full.damping[..., :, 0]):
-        return replace(full, velocity_only=True, drift_poles=full.drift_poles + 1)
+    if velocity_fed or np.any(full.damping[..., :, 0]):
+        return replace(full, velocity_only=True, guided=velocity_fed, drift_poles=full.drift_poles + 1)
     share = full.mass[..., 1:, :1] / full.mass[..., :1, :1]
 
     def eliminate(matrix: Array) -> Array:
@@ -185,8 +217,10 @@ def without_drift(full: Plant) -> Plant:
     def reduce(vector: Array) -> Array:
         return vector[..., 1:] - share[..., 0] * vector[..., :1]
 
+    felt = full.accelerometer
     return replace(
         full,
+        accelerometer=None if felt is None else _without_lateral(felt, full),
         mass=eliminate(full.mass),
         damping=eliminate(full.damping),
         stiffness=eliminate(full.stiffness),
@@ -197,6 +231,16 @@ def without_drift(full: Plant) -> Plant:
         first_tank=full.first_tank - 1,
         drift_poles=full.drift_poles + 2,
     )
+
+
+def _without_lateral(felt: Array, full: Plant) -> Array:
+    """Return the accelerometer's rows with Z'' put in from its row of the equations of motion."""
+    lateral = np.zeros(felt.shape)  # s^2 Z of row Z, on [q, beta]
+    for k, matrix in enumerate((full.stiffness, full.damping, full.mass)):
+        lateral[..., k, 1:-1] = -matrix[..., 0, 1:]
+    lateral[..., 0, -1], lateral[..., 2, -1] = full.force[..., 0], full.inertial_force[..., 0]
+    # divided first: -a phi then cancels F/M phi exactly
+    return np.asarray((felt + felt[..., 2:, :1] * (lateral / full.mass[..., :1, :1]))[..., 1:])
 
 
 def slosh_damping(plant: Plant, ratio: Array) -> Array:

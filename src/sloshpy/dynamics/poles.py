@@ -8,8 +8,9 @@ import numpy as np
 from sloshpy.autopilot import series_blocks
 from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.plant import inertial_input, slosh_damping, state_space
+from sloshpy.dynamics.plant import slosh_damping, without_drift
 from sloshpy.dynamics.response import transfer
+from sloshpy.dynamics.sensed import bordering_row, fed
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class Poles:
 
 
 def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
-    """Return A, B, C, D of the forward path from a0 phi + a1 phi' to beta, and the group of each state."""
+    """Return A, B, C, D of the forward path from what it is fed to beta, and the group of each state."""
     batch = loop.batch
     A, B, C = np.zeros((*batch, 0, 0)), np.zeros((*batch, 0)), np.zeros((*batch, 0))
     D = np.broadcast_to(np.asarray(loop.autopilot.gain, dtype=float), batch)
@@ -132,25 +133,27 @@ def _delay_parts(loop: Loop) -> int:
 
 def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
     """Return the state matrix of the loop, shape (..., N, N), closed or broken at the engine, and its state groups."""
-    A_p, B_p, C_p = state_space(loop.plant, loop.damping)
-    B2_p = inertial_input(loop.plant)
-    a = loop.autopilot
+    p = fed(loop)
     A_c, B_c, C_c, D_c, groups = controller(loop)
-    batch, n, k = loop.batch, A_p.shape[-1], A_c.shape[-1]
-    sensed = np.asarray(a.attitude_gain)[..., None] * C_p[..., 0, :]
-    sensed = np.broadcast_to(sensed + np.asarray(a.rate_gain)[..., None] * C_p[..., 1, :], (*batch, n))
-    direct, through = B_p * D_c[..., None], B_p[..., :, None] * C_c[..., None, :]
-    if np.any(B2_p):  # beta'' = C A^2 x + C A B u: an actuator stands before the engine, so beta and beta' see no u
-        CA = np.einsum("...i,...ij->...j", C_c, A_c)
-        direct = direct + B2_p * np.sum(CA * B_c, axis=-1)[..., None]
-        through = through + B2_p[..., :, None] * np.einsum("...i,...ij->...j", CA, A_c)[..., None, :]
+    batch, n, k = loop.batch, p.A.shape[-1], A_c.shape[-1]
+    sensed = np.broadcast_to(p.c, (*batch, n))
     A = np.zeros((*batch, n + k, n + k))
-    A[..., :n, :n] = A_p
+    A[..., :n, :n] = p.A
     A[..., n:, n:] = A_c
     A[..., n:, :n] = B_c[..., :, None] * sensed[..., None, :]
     if closed:
+        direct, through = p.B * D_c[..., None], p.B[..., :, None] * C_c[..., None, :]
+        felt = p.d[..., None] * C_c
+        if np.any(p.B2) or np.any(p.d2):  # beta'' = C A^2 x + C A B u: the actuator lets beta and beta' see no u
+            CA = np.einsum("...i,...ij->...j", C_c, A_c)
+            CAA = np.einsum("...i,...ij->...j", CA, A_c)
+            direct = direct + p.B2 * np.sum(CA * B_c, axis=-1)[..., None]
+            through = through + p.B2[..., :, None] * CAA[..., None, :]
+            felt = felt + p.d2[..., None] * CAA
         A[..., :n, :n] += direct[..., :, None] * sensed[..., None, :]
         A[..., :n, n:] = through
+        if p.acceleration is not None:  # with the lag that it asks for nothing of u comes back to u at once
+            A[..., n:, n:] += B_c[..., :, None] * felt[..., None, :]
     own = list(loop.plant.groups)
     return A, own[1 if loop.plant.velocity_only else 0 :] + own + groups
 
@@ -160,20 +163,21 @@ def characteristic_matrix(loop: Loop, s: ComplexArray, closed: bool = True) -> t
 
     T is the dynamic stiffness of the plant bordered by the forward path n(s)/d(s):
 
-        [ D(s)                             -b - s^2 b2 ] [q   ]
-        [ -n(s) (a0 attitude + s a1 rate)   d(s)       ] [beta] = 0
+        [ D(s)          -b - s^2 b2          ] [q   ]
+        [ -n(s) row(s)   d(s) - n(s) felt(s) ] [beta] = 0
+
+    with what the autopilot is fed, row(s) q + felt(s) beta, from `sensed`.
 
     It is entire in s, so that no pole of the broken loop needs care. Where Z enters by its velocity alone, Z' is the
     unknown in its place. `s` broadcasts with the loop's batch.
     """
-    p, a = loop.plant, loop.autopilot
+    p = loop.plant
     n = p.mass.shape[-1]
     s = np.asarray(s, dtype=complex)
     S = s[..., None, None]
     diagonal = np.arange(n)[p.slosh]
     slosh = slosh_damping(p, loop.damping)
-    top, bottom, dtop, dbottom = forward_fraction(a, s)
-    a0, a1 = np.asarray(a.attitude_gain)[..., None], np.asarray(a.rate_gain)[..., None]
+    top, bottom, dtop, dbottom = forward_fraction(loop.autopilot, s)
     shape = np.broadcast_shapes(s.shape, loop.batch)
     T, dT = np.zeros((*shape, n + 1, n + 1), dtype=complex), np.zeros((*shape, n + 1, n + 1), dtype=complex)
     T[..., :n, :n] = S * S * p.mass + S * p.damping + p.stiffness
@@ -184,10 +188,10 @@ def characteristic_matrix(loop: Loop, s: ComplexArray, closed: bool = True) -> t
     dT[..., diagonal, diagonal] += slosh
     T[..., n, n], dT[..., n, n] = bottom, dbottom
     if closed:
-        row = a0 * p.attitude + (s[..., None] * a1) * p.rate
+        row, by_s = bordering_row(loop, s)
         T[..., :n, n], dT[..., :n, n] = -p.engine_force(s), -2.0 * s[..., None] * p.inertial_force
-        T[..., n, :n] = -top[..., None] * row
-        dT[..., n, :n] = -dtop[..., None] * row - top[..., None] * (a1 * p.rate)
+        T[..., n, :] -= top[..., None] * row
+        dT[..., n, :] -= dtop[..., None] * row + top[..., None] * by_s
     return T, dT
 
 
@@ -269,8 +273,12 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
     """
     scale = np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop), closed=False)[0]))  # a delay has no poles
     scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
+    if loop.plant.guided:  # slow poles that leave the origin only in the closed loop
+        scale = np.append(scale, np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop))[0])))
     degree = 2 * loop.plant.mass.shape[-1] + sum(len(f.denominator) - 1 for f in loop.autopilot.filter)
-    degree += 2 * (loop.autopilot.actuator is not None) - loop.plant.velocity_only
+    degree -= loop.plant.velocity_only
+    if loop.autopilot.actuator is not None:
+        degree += len(loop.autopilot.actuator.fraction[1]) - 1
     centre = float(np.exp(np.mean(np.log(scale))))
     low, high = np.min(scale) * 10.0**-decades, np.max(scale) * 10.0**decades
     line = loop.along()
@@ -306,7 +314,26 @@ def closed_loop_poles(loop: Loop) -> Poles:
 
 def open_loop_poles(loop: Loop) -> Poles:
     """Return the poles of one loop broken at the engine, with their names, least damped first."""
-    return _named(loop, closed=False)
+    if not loop.plant.guided:
+        return _named(loop, closed=False)
+    # at rest in the broken loop guidance holds nothing: its poles stand at the origin by structure, not by eigenvalue
+    full = replace(loop.plant, guided=False, velocity_only=False, drift_poles=0)
+    unheld = loop.autopilot.model_copy(update={"drift_gain": 0.0, "drift_rate_gain": 0.0})
+    found = _named(replace(loop, plant=without_drift(full), autopilot=unheld), closed=False)
+    count = found.drift_poles - loop.plant.drift_poles
+    share = np.zeros((count + len(found.name), 1 + len(found.groups)))
+    share[:count, -1], share[count:, :-1] = 1.0, found.participation
+    return replace(
+        found,
+        value=np.concatenate([np.zeros(count), found.value]),
+        name=("drift",) * count + found.name,
+        kind=("rigid",) * count + found.kind,
+        tank=(None,) * count + found.tank,
+        groups=(*found.groups, "drift"),
+        participation=share,
+        source=loop,
+        drift_poles=loop.plant.drift_poles,
+    )
 
 
 def _named(loop: Loop, closed: bool) -> Poles:
@@ -381,4 +408,4 @@ def _kind(name: str, tanks: dict[str, str], modes: tuple[str, ...]) -> str:
         return "slosh"
     if name in modes:
         return "flexible"
-    return {"rigid body": "rigid", "actuator": "actuator"}.get(name, "filter")
+    return {"rigid body": "rigid", "drift": "rigid", "actuator": "actuator"}.get(name, "filter")

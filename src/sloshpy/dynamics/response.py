@@ -1,7 +1,7 @@
 """Exact frequency response of the loop with the slosh damping pulled out of the plant.
 
 With every tank at a reference damping the plant is solved once at each frequency, for the engine angle and for a unit
-acceleration u on each slosh mass; K is the forward path and y = a0 phi + a1 phi' what it is given:
+acceleration u on each slosh mass; K is the forward path and y what it is fed (see `sensed`):
 
     z = z_b beta + Z_a u ,   K y = Y_b beta + Y_a u
 
@@ -21,6 +21,7 @@ import numpy as np
 from sloshpy.autopilot import forward_transfer
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import slosh_damping
+from sloshpy.dynamics.sensed import sensed_row
 from sloshpy.units import Array, ComplexArray, Real
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def frequency_sensitivity(loop: Loop, s: ComplexArray) -> ComplexArray:
     """Return dL/d(ln w) at complex frequencies for each tank's slosh and then each bending mode, (..., n_groups).
 
     Raising w_g adds dD to one diagonal entry of the dynamic stiffness, and L changes by
-    K (row D^-1 e_g) dD (q_g/beta).
+    K (row D^-1 e_g) dD (q_g/beta). What y feels of beta at once does not depend on it.
     """
     s = np.asarray(s, dtype=complex)
     p = loop.plant
@@ -79,7 +80,7 @@ def frequency_sensitivity(loop: Loop, s: ComplexArray) -> ComplexArray:
     right[..., 0] = p.engine_force(s)
     right[..., np.arange(first, n), np.arange(1, 1 + n - first)] = 1.0
     q = np.linalg.solve(D, right)
-    y = np.sum(_sensed(loop, s)[..., None] * q[..., 1:], axis=-2)
+    y = np.sum(sensed_row(loop, s)[0][..., None] * q[..., 1:], axis=-2)
     own = np.arange(first, n)
     diagonal = 2.0 * p.stiffness[..., own, own] + s[..., None] * p.damping[..., own, own]
     tanks = np.arange(len(p.tanks))
@@ -96,22 +97,17 @@ def excess_damping(loop: Loop) -> Array:
 def at_reference(loop: Loop, s: ComplexArray) -> tuple[ComplexArray, ...]:
     """Return K y_b, K Y_a, z_b and Z_a with every tank at the reference damping; the batch's damping plays no part."""
     p = loop.plant
-    row = _sensed(loop, s)
+    row, at_once = sensed_row(loop, s)
     K = forward_transfer(loop.autopilot, s)
     if p.mass.shape[-1] == 2 and len(p.tanks) == 1:
         (phi_b, z_b), (phi_a, z_a) = _two_coordinates(loop, s)
         Y_b, Y_a = (K * (row[..., 0] * phi + row[..., 1] * z) for phi, z in ((phi_b, z_b), (phi_a, z_a)))
+        if not isinstance(at_once, float):
+            Y_b = Y_b + K * at_once
         return Y_b, Y_a[..., None], z_b[..., None], z_a[..., None, None]
     q = _coordinates(loop, s)
     Y = K[..., None] * np.sum(row[..., None] * q, axis=-2)
-    return Y[..., 0], Y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
-
-
-def _sensed(loop: Loop, s: ComplexArray) -> ComplexArray:
-    """Return the row of a0 phi + a1 phi' as measured, (..., n)."""
-    p, a = loop.plant, loop.autopilot
-    a0, a1 = np.asarray(a.attitude_gain)[..., None], np.asarray(a.rate_gain)[..., None]
-    return np.asarray(a0 * p.attitude + (a1 * s[..., None]) * p.rate)
+    return Y[..., 0] + K * at_once, Y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
 
 
 def _stiffness(loop: Loop, s: ComplexArray, ratio: Real) -> ComplexArray:

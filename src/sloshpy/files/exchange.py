@@ -6,8 +6,8 @@ import numpy as np
 
 from sloshpy.autopilot import Filter
 from sloshpy.dynamics import FrequencyResponse, Loop
-from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import controller
+from sloshpy.dynamics.sensed import fed
 
 if TYPE_CHECKING:
     import control
@@ -23,19 +23,17 @@ def to_control(loop: Loop) -> "control.StateSpace":
 
     if loop.batch:
         raise ValueError("give one loop, not a batch; take one with `loop.take`")
-    A_p, B_p, C_p = state_space(loop.plant, loop.damping)
-    B2_p = inertial_input(loop.plant)
+    p = fed(loop)
     A_c, B_c, C_c, D_c, _ = controller(loop)
-    a = loop.autopilot
-    sensed = float(a.attitude_gain) * C_p[:1] + float(a.rate_gain) * C_p[1:]
-    n, k = A_p.shape[0], A_c.shape[0]
-    # broken before the forward path: command in, beta and beta'' from it, sensed attitude out
-    direct, through = np.outer(B_p, D_c), np.outer(B_p, C_c)
-    if np.any(B2_p):  # an actuator stands before the engine: beta'' = C A^2 x + C A B u
-        direct, through = direct + np.outer(B2_p, C_c @ A_c @ B_c), through + np.outer(B2_p, C_c @ A_c @ A_c)
-    A = np.block([[A_p, through], [np.zeros((k, n)), A_c]])
+    n, k = p.A.shape[0], A_c.shape[0]
+    # broken before the forward path: command in, beta and beta'' from it, what the autopilot is fed out
+    direct, through, felt = np.outer(p.B, D_c), np.outer(p.B, C_c), p.d * C_c
+    if np.any(p.B2) or np.any(p.d2):  # an actuator stands before the engine: beta'' = C A^2 x + C A B u
+        direct, through = direct + np.outer(p.B2, C_c @ A_c @ B_c), through + np.outer(p.B2, C_c @ A_c @ A_c)
+        felt = felt + p.d2 * (C_c @ A_c @ A_c)
+    A = np.block([[p.A, through], [np.zeros((k, n)), A_c]])
     B = np.concatenate([direct, B_c[:, None]])
-    C = -np.concatenate([sensed, np.zeros((1, k))], axis=1)
+    C = -np.concatenate([p.c, felt])[None, :]
     return control.ss(A, B, C, 0.0, inputs=["engine"], outputs=["loop"], name="slosh_loop")
 
 

@@ -22,7 +22,11 @@ def case_schema() -> Schema:
     tanks = parts.pop("tank")
     keys |= parts
     keys["vehicle"]["required"] = ["mass", "inertia", "cg", "thrust"]
+    spring, pendulum = {"required": ["station", "frequency"]}, {"required": ["hinge_station", "pendulum_length"]}
+    tanks["items"]["oneOf"] = [spring, pendulum]
     keys["tank"] = tanks | {"minItems": 1}
+    whole, fraction = {"required": ["frequency", "damping"]}, {"required": ["numerator", "denominator"]}
+    keys["autopilot"]["properties"]["actuator"]["oneOf"] = [whole, fraction]
     for key, default in _criteria_defaults().items():
         keys["criteria"]["properties"][key]["default"] = default
     laws = tanks["items"]["properties"]["damping"]["oneOf"]

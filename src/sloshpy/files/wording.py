@@ -36,6 +36,7 @@ _NOUNS: dict[Path, type[BaseModel]] = {
     ("flexible_mode", "gimbal"): ModeShape,
     ("flexible_mode", "gyro"): ModeSlope,
     ("flexible_mode", "rate_gyro"): ModeSlope,
+    ("flexible_mode", "accelerometer"): ModeShape,
     ("engine",): Engine,
     ("aerodynamics",): Aerodynamics,
 }

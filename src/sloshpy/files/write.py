@@ -71,11 +71,11 @@ def case_text(case: Case) -> str:
     """Return the text of a case file."""
     lines = [f'name = "{case.name}"', "", *_table("[vehicle]", case.vehicle, Vehicle)]
     for tank in case.vehicle.tanks:
-        lines += ["[[tank]]", f'name = "{tank.name}"', *_table("", tank, SloshMass)[:-1]]
+        lines += ["[[tank]]", f'name = "{tank.name}"', *_table("", _as_given(tank), SloshMass)[:-1]]
         lines += [f"damping = {_law(tank.damping)}", ""]
     for mode in case.vehicle.flexible_modes:
         lines += ["[[flexible_mode]]", f'name = "{mode.name}"', *_table("", mode, FlexibleMode)[:-1]]
-        shapes = {"gimbal": mode.gimbal, "gyro": mode.gyro, "rate_gyro": mode.rate_gyro}
+        shapes = {key: getattr(mode, key) for key in ("gimbal", "gyro", "rate_gyro", "accelerometer")}
         lines += [f"{key} = {_inline(shape)}" for key, shape in shapes.items() if shape is not None]
         lines += [f'tank."{name}" = {_inline(shape)}' for name, shape in mode.tank.items()] + [""]
     for key, part in (("engine", case.vehicle.engine), ("aerodynamics", case.vehicle.aerodynamics)):
@@ -84,7 +84,9 @@ def case_text(case: Case) -> str:
     autopilot = case.autopilot
     lines += _table("[autopilot]", autopilot, Autopilot)
     if autopilot.actuator is not None:
-        lines += _table("[autopilot.actuator]", autopilot.actuator, type(autopilot.actuator))
+        lines += _table("[autopilot.actuator]", autopilot.actuator, type(autopilot.actuator))[:-1]
+        fraction = {"numerator": autopilot.actuator.numerator, "denominator": autopilot.actuator.denominator}
+        lines += [f"{key} = {_list(x)}" for key, x in fraction.items() if x is not None] + [""]
     for filter_ in autopilot.filter:
         lines += ["[[autopilot.filter]]", f"numerator = {_list(filter_.numerator)}"]
         lines += [f"denominator = {_list(filter_.denominator)}", ""]
@@ -101,6 +103,13 @@ def _table(header: str, noun: BaseModel, kind: type[BaseModel]) -> list[str]:
         if quantity is not None and value is not None:
             lines.append(f"{name} = {_number(value, quantity.unit, name)}")
     return [*lines, ""]
+
+
+def _as_given(tank: SloshMass) -> SloshMass:
+    """Return a pendulum without the spring-mass that follows from it: a file holds one form."""
+    if tank.pendulum_length is None:
+        return tank
+    return tank.model_copy(update={"station": None, "frequency": None})
 
 
 def _inline(noun: BaseModel) -> str:

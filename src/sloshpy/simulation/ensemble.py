@@ -12,8 +12,8 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.damping import AnyDamping, ConstantDamping, PowerDamping, SumDamping
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import controller, system_matrix
+from sloshpy.dynamics.sensed import fed
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation.envelope import Envelope, level_envelope
 from sloshpy.simulation.simulate import DIVERGED, INITIAL_SLOSH
@@ -235,21 +235,25 @@ def slosh_rows(loop: Loop, size: int) -> SloshRows:
         displacement[j, p.slosh_states.start + j] = 1.0
         velocity[j, states - half + p.slosh.start + j] = 1.0
     push = np.zeros((*p.mass.shape[:-2], n, size))
-    push[..., states - half : states] = (
-        np.swapaxes(np.linalg.inv(p.mass)[..., p.slosh], -1, -2) * p.tank_mass[..., None]
-    )
+    moved = np.swapaxes(np.linalg.inv(p.mass)[..., p.slosh], -1, -2) * p.tank_mass[..., None]
+    push[..., states - half : states] = moved
+    felt = fed(loop).acceleration
+    if felt is not None:  # an accelerometer feels the damping force at once
+        B = controller(loop)[1]
+        direct = np.einsum("...i,...ji->...j", felt, moved)
+        shape = np.broadcast_shapes(push.shape[:-2], direct.shape[:-1], B.shape[:-1])
+        push = np.broadcast_to(push, (*shape, n, size)).copy()
+        push[..., states:] = direct[..., None] * B[..., None, :]
     return SloshRows(displacement=displacement, velocity=velocity, push=push)
 
 
 def engine_row(loop: Loop, size: int) -> Array:
     """Return the row that picks the engine angle from the state of `system_matrix`, (..., size)."""
-    a = loop.autopilot
-    C_p = state_space(loop.plant, loop.damping)[2]
-    states = C_p.shape[-1]
+    c = fed(loop).c
+    states = c.shape[-1]
     _, _, C, D, _ = controller(loop)
-    a0, a1 = np.asarray(a.attitude_gain)[..., None], np.asarray(a.rate_gain)[..., None]
     row = np.zeros((*loop.batch, size))
-    row[..., :states] = np.asarray(D)[..., None] * (a0 * C_p[..., 0, :] + a1 * C_p[..., 1, :])
+    row[..., :states] = np.asarray(D)[..., None] * c  # an accelerometer is fed back through a lag alone: then D is 0
     row[..., states : states + C.shape[-1]] = C
     return row
 

@@ -11,15 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sloshpy.autopilot import Autopilot
-from sloshpy.autopilot.blocks import filter_block
-from sloshpy.autopilot.motion import actuator_motion
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
+from sloshpy.simulation.model import Model
 from sloshpy.simulation.signals import Noise, Signal
 from sloshpy.units import Array, Real
 
@@ -143,7 +140,7 @@ def simulate(
             f"{duration:g} s in steps of {h:.3g} s, which {cause} asks for, are more than {MOST_STEPS:.0e} steps"
         )
     steps = int(np.ceil(duration / h))
-    model = _Model(loop, case, None if damping is None else loop.damping)
+    model = Model(loop, case, None if damping is None else loop.damping)
     x = np.zeros(model.size)
     x[loop.plant.slosh_states] = initial_slosh
     states, angle = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
@@ -156,12 +153,14 @@ def simulate(
         states[k] = x
         old = line[k], slopes[k], line[k + 1] if lag else 0.0, slopes[k + 1] if lag else 0.0
         delayed = (old[0], 0.5 * (old[0] + old[2]) + h / 8.0 * (old[1] - old[3]), old[2])
+        if k < lag:  # nothing comes out before the delay has passed, not on the way to the first value either
+            delayed = (0.0, 0.0, 0.0)
         push = pushed[2 * k : 2 * k + 3]
         k1 = model.slope(x, delayed[0], lag, push[0])
         angle[k] = model.engine(x, delayed[0], lag, push[0])
         if lag:
-            line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1)
-            if lag == 1:  # the newest value has just come in
+            line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1, h)
+            if lag == 1 and k > 0:  # the newest value has just come in
                 delayed = (old[0], 0.5 * (old[0] + line[k + 1]) + h / 8.0 * (old[1] - slopes[k + 1]), line[k + 1])
         if k == steps:
             break
@@ -193,90 +192,6 @@ def _is_linear(case: Case, damping: Real | None) -> bool:
     limited = actuator is not None and any((actuator.deflection_limit, actuator.rate_limit, actuator.deadband))
     constant = all(float(t.damping.amplitude(0.3)) in (0.0, np.inf) for t in case.vehicle.tanks)
     return not limited and (damping is not None or constant)
-
-
-class _Model:
-    """The state equations of one loop: plant, filters, then the actuator's angle and rate."""
-
-    def __init__(self, loop: Loop, case: Case, fixed: Array | None) -> None:
-        A, self._b, C = state_space(loop.plant, np.zeros(len(loop.plant.tanks)) if fixed is None else fixed)
-        self._b2 = inertial_input(loop.plant)
-        self._wind = np.zeros_like(self._b)
-        if loop.plant.velocity_only:  # the wind pushes where Z' resists
-            moved = np.linalg.solve(loop.plant.mass, loop.plant.damping[:, 0])
-            self._wind[-len(moved) :] = moved
-        pilot: Autopilot = case.autopilot
-        n = self._plant = A.shape[0]
-        half = n - loop.plant.mass.shape[-1]  # where the velocities start
-        gain = float(pilot.gain)
-        sensed = gain * (float(pilot.attitude_gain) * C[0] + float(pilot.rate_gain) * C[1])
-        blocks = [filter_block(f) for f in pilot.filter]
-        k = sum(len(b.B) for b in blocks)
-        self._actuator = pilot.actuator
-        self.size = n + k + 2 * (pilot.actuator is not None)
-        self._A = np.zeros((self.size, self.size))
-        self._A[:n, :n] = A
-        self.attitude = np.append(C[0], np.zeros(self.size - n))  # row of the measured attitude
-        self._read = np.zeros(self.size)  # the command, before the delay
-        self._read[:n] = sensed
-        at = n
-        for b in blocks:
-            rows = slice(at, at + len(b.B))
-            self._A[rows] += np.outer(b.B, self._read)
-            self._A[rows, rows] += b.A
-            self._read = float(b.D) * self._read
-            self._read[rows] = b.C
-            at += len(b.B)
-        self._forces: list[tuple[int, Array, object, float]] = []
-        if fixed is None:
-            inverse = np.linalg.inv(loop.plant.mass)
-            for j, tank in enumerate(case.vehicle.tanks):
-                i = loop.plant.first_tank + j  # a coordinate
-                push = np.zeros(self.size)
-                push[half:n] = inverse[:, i] * float(tank.slosh_mass)
-                self._forces.append((half + i, push, tank.damping.acceleration, float(tank.frequency)))
-
-    def command(self, x: Array) -> float:
-        """Return the engine command before the delay, rad."""
-        return float(self._read @ x)
-
-    def command_slope(self, x: Array, slope: Array) -> float:
-        """Return the command's time derivative, rad/s."""
-        return float(self._read @ slope)
-
-    def engine(self, x: Array, delayed: float, lag: int, push: Array) -> float:
-        """Return the engine angle, rad."""
-        if self._actuator is not None:
-            return float(x[-2])
-        return (delayed if lag else self.command(x)) + float(push[0])
-
-    def slope(self, x: Array, delayed: float, lag: int, push: Array) -> Array:
-        """Return x' with the delayed command, or without a delay that of this moment, and the disturbances."""
-        command = (delayed if lag else self.command(x)) + float(push[0])
-        slope = self._A @ x
-        beta = command
-        if self._actuator is not None:
-            beta = float(x[-2])
-            slope[-2:] = self._actuate(beta, float(x[-1]), command)
-            slope[: self._plant] += self._b2 * slope[-1]
-        slope[: self._plant] += self._b * beta + self._wind * push[1]
-        for i, push, acceleration, w in self._forces:
-            slope += push * acceleration(x[i], w)  # type: ignore[operator]
-        return slope
-
-    def stopped(self, x: Array) -> Array:
-        """Return the state with the engine at its stop where a step has carried it beyond."""
-        stop = None if self._actuator is None else self._actuator.deflection_limit
-        if stop is not None and abs(x[-2]) > stop:
-            x[-2] = np.sign(x[-2]) * stop
-        return x
-
-    def _actuate(self, angle: float, rate: float, command: float) -> tuple[float, float]:
-        """Return rate and acceleration of the engine; at a limit it does not move outward."""
-        a = self._actuator
-        assert a is not None
-        stop, fastest = (np.inf if x is None else x for x in (a.deflection_limit, a.rate_limit))
-        return actuator_motion(angle, rate, command, a.frequency, a.damping, stop, fastest, a.deadband or 0.0)
 
 
 def _step(loop: Loop, most: float | None) -> tuple[float, int]:

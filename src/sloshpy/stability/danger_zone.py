@@ -11,6 +11,7 @@ from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.poles import characteristic_matrix
+from sloshpy.dynamics.sensed import bordering_row
 from sloshpy.errors import OutsideValidity
 from sloshpy.stability.required_damping import joint_damping, loop_required_damping
 from sloshpy.units import Array, Real
@@ -30,7 +31,8 @@ class DangerZone:
     Numbers for one vehicle, arrays of the batch's shape for a batch, whose answer is `within`.
     aft: a (1 - m/M) / w^2 (eq 23). forward: -I/(M Xcg), the centre of percussion (eq 22).
     Greensite's zone has the c.g. for its rear bound.
-    lead: phase lead of the PD gains less the lag of filters, delay and actuator at the slosh frequency, rad.
+    lead: phase lead of the PD gains less the lag of filters, delay and actuator at the slosh frequency, rad; nan where
+    an accelerometer is fed back, which the closed form does not know.
     reason: why the closed form gives no answer here ("" where it does). note: what limits it otherwise.
     """
 
@@ -77,6 +79,8 @@ class DangerZone:
         zone = f"from {self.aft:.4f} m behind to {-self.forward:.4f} m ahead of the c.g."
         tail = f" {self.reason}" if self.reason else f" the danger zone {zone}"
         note = f"\n  {self.note}" if self.note else ""
+        if np.isnan(self.lead):
+            return f"{self.tank}: l = {self.l:.4g} m, {place}{tail}{note}"
         return (
             f"{self.tank}: l = {self.l:.4g} m, {place}{tail}\n"
             f"  Greensite: from the c.g. to {-self.forward:.4f} m ahead; "
@@ -95,17 +99,20 @@ def danger_zone(case: Case, tank: int | str = 0) -> DangerZone:
     mass = v.tanks[tank]
     M, I, Xcg, m, w = (np.asarray(x) for x in (v.mass, v.inertia, v.cg, mass.slosh_mass, mass.frequency))
     aft, forward = np.asarray(v.acceleration) * (1.0 - m / M) / w**2, -I / (M * Xcg)  # eqs 23 and 22
-    l, aft, forward, lead = np.broadcast_arrays(v.lever(mass), aft, forward, phase_lead(case.autopilot, w))
+    lead = np.where(np.asarray(case.autopilot.accelerometer_gain) == 0.0, phase_lead(case.autopilot, w), np.nan)
+    l, aft, forward, lead = np.broadcast_arrays(v.lever(mass), aft, forward, lead)
     numbers: list[Real] = [x if x.ndim else float(x) for x in (l, aft, forward, lead)]
     reason = note = ""
-    if l.ndim == 0 and lead <= LEAST_LEAD:
+    if l.ndim == 0 and np.isnan(lead):
+        reason = "an accelerometer is fed back, which moves the zeros; read the required damping along the vehicle"
+    elif l.ndim == 0 and lead <= LEAST_LEAD:
         reason = (
             f"lag eats the PD lead at the slosh frequency (lead less lag {np.degrees(lead):.1f} deg, needs more than "
             "10 deg); read the required damping along the vehicle"
         )
     elif len(v.tanks) > 1:
         note = "several tanks: the closed form is a guideline; read the required damping along the vehicle"
-    elif case.autopilot.filter or case.autopilot.actuator or np.any(np.asarray(case.autopilot.delay)):
+    elif _beyond_pd(case.autopilot):
         note = "derived for PD control alone; the map of required damping takes the whole autopilot"
     return DangerZone(
         case=case,
@@ -119,15 +126,29 @@ def danger_zone(case: Case, tank: int | str = 0) -> DangerZone:
     )
 
 
+def _beyond_pd(a: Autopilot) -> bool:
+    """Return whether a loop holds more than the PD control of the closed form."""
+    return bool(a.filter or a.actuator or any(np.any(x) for x in (a.delay, a.drift_gain, a.drift_rate_gain)))
+
+
 def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
     """Return the lead of the PD gains less the lag of filters, delay and actuator at frequencies in rad/s, rad."""
     omega = np.asarray(omega, dtype=float)
     a0, a1 = np.asarray(autopilot.attitude_gain), np.asarray(autopilot.rate_gain)
-    one = autopilot.model_copy(update={"filter": (), "actuator": None, "delay": 0.0, "gain": 1.0})
-    parts = [one.model_copy(update={"filter": (f,)}) for f in autopilot.filter]
-    parts += [one.model_copy(update={"actuator": autopilot.actuator})]
-    angles = [np.angle(forward_transfer(part, 1j * omega)) for part in parts]  # each within half a turn
-    return np.asarray(np.arctan2(a1 * omega, a0) + sum(angles) - np.asarray(autopilot.delay) * omega)
+    parts = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
+    parts += [autopilot.actuator.fraction] if autopilot.actuator is not None else []
+    lag = sum(
+        (_phase(bottom, omega) - _phase(top, omega) for top, bottom in parts), np.asarray(autopilot.delay) * omega
+    )
+    return np.asarray(np.arctan2(a1 * omega, a0) - lag)
+
+
+def _phase(polynomial: Array, omega: Array) -> Array:
+    """Return the phase of a polynomial at j omega, continuous from omega = 0 on, of any order: each root by itself."""
+    roots = np.roots(polynomial)
+    still = np.prod(-roots[roots != 0.0]) * polynomial[0]  # what is left at omega = 0, real
+    turned = [np.angle(1.0 - 1j * omega / r) if r != 0.0 else np.full(omega.shape, np.pi / 2.0) for r in roots]
+    return np.asarray(sum(turned, np.full(omega.shape, np.angle(still.real))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +208,8 @@ def required_damping_map(
     if station is None:
         station = _stations(v, tank, zone)
     station = np.asarray(station, dtype=float)
-    tanks = [t.model_copy(update={"station": station}) if j == tank else t for j, t in enumerate(v.tanks)]
+    there = {"station": station, "hinge_station": None, "pendulum_length": None}  # a pendulum moves as a whole
+    tanks = [t.model_copy(update=there) if j == tank else t for j, t in enumerate(v.tanks)]
     moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
     if np.any(moved_vehicle.mass_matrix_margin <= 0.0):
         raise OutsideValidity(
@@ -226,13 +248,12 @@ def _stations(v: Vehicle, tank: int, zone: DangerZone) -> Array:
 def departure(loop: Loop, tank: int) -> Array:
     """Return the real part of ds/dk at k = 0 for the undamped slosh pole of a tank, 1/s, k an extra loop gain.
 
-    s = p + k K(p) r with r the residue of a0 phi + a1 phi' over beta at the pole p of the plant:
+    s = p + k K(p) r with r the residue of what the autopilot is fed over beta at the pole p of the plant:
     r = (row(p) . v)(u . b(p)) / (u . D'(p) v), where D(p) v = 0 and u D(p) = 0. The delay in K is exact.
     """
     p = loop.plant
     j = p.first_tank + tank
     bare = replace(loop, damping=np.where(np.arange(len(p.tanks)) == tank, 0.0, loop.damping))
-    a0, a1 = np.asarray(loop.autopilot.attitude_gain)[..., None], np.asarray(loop.autopilot.rate_gain)[..., None]
     poles = np.linalg.eigvals(state_space(bare.plant, bare.damping)[0])
     greatest, rate = np.full(poles.shape[:-1], -np.inf), np.full(poles.shape[:-1], np.nan)
     for k in range(poles.shape[-1]):
@@ -244,7 +265,7 @@ def departure(loop: Loop, tank: int) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):  # the rigid body's double pole at the origin
             weight = np.einsum("...i,...ij,...j->...", u, dD, v)
             share = np.abs(u[..., j] * dD[..., j, j] * v[..., j] / weight)
-            seen = np.sum((a0 * p.attitude + (a1 * s[..., None]) * p.rate) * v, axis=-1)
+            seen = np.sum(bordering_row(loop, s)[0][..., :-1] * v, axis=-1)
             moved = forward_transfer(loop.autopilot, s) * seen * np.sum(u * p.engine_force(s), axis=-1) / weight
         better = (s.imag > 0.0) & (share > greatest)  # the pole in which this tank takes part most
         greatest = np.where(better, share, greatest)

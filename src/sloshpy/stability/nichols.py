@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.plant import inertial_input, state_space
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.dynamics.response import transfer
+from sloshpy.dynamics.sensed import fed
 from sloshpy.units import Array, BoolArray, ComplexArray, IntArray, Real
 
 
@@ -171,8 +171,8 @@ def _placed(loop: Loop) -> tuple[IntArray, Array]:
     size, n = np.abs(p), len(loop.plant.tanks)
     # poles and zeros at the origin place nothing, rounding apart; a stiff actuator does not hide the slow ones
     slow = np.broadcast_to(loop.plant.tank_frequency, (*batch, n)).reshape(-1, n) if n else size
-    # with air nothing at the origin is left, and its poles may be slower still
-    least = 1e-7 if loop.plant.velocity_only else 1e-4
+    # with air or guidance nothing at the origin is left, and its poles may be slower still
+    least = 1e-7 if loop.plant.velocity_only or loop.plant.guided else 1e-4
     own = np.where(size > least * np.min(slow, axis=-1, keepdims=True, initial=np.inf), size, np.nan)
     low, high = np.nanmin(own, axis=-1), np.nanmax(own, axis=-1)
     low, high = low * 1e-2, _rolled_off(loop, high * 10.0)
@@ -193,38 +193,48 @@ def _placed(loop: Loop) -> tuple[IntArray, Array]:
 
 
 def _zeros(loop: Loop) -> ComplexArray:
-    """Return the zeros of the plant from engine to sensed attitude, with some spurious ones at the origin.
+    """Return the zeros of the plant from engine to what the autopilot is fed, with some spurious ones at the origin.
 
-    A - b c A^r / (c A^(r-1) b) has the zeros and r eigenvalues at the origin; r is 1 with a rate gain, else 2.
+    A - b c A^r / (c A^(r-1) b) has the zeros and r eigenvalues at the origin; r is 1 with a rate gain, else 2. Where an
+    accelerometer feels beta at once by d, A - b c / d has the zeros alone.
     """
-    A, b, C = state_space(loop.plant, loop.damping)
+    p = fed(loop)
+    A, b, c, at_once = p.A, p.B, p.c, p.d
     if np.any(loop.plant.inertial_force):  # the engine's acceleration is the input, its angle and rate are states
         n = A.shape[-1]
         A = np.pad(A, [(0, 0)] * (A.ndim - 2) + [(0, 2), (0, 2)])
         A[..., :n, n], A[..., n, n + 1] = b, 1.0
-        b = np.pad(inertial_input(loop.plant), [(0, 0)] * (loop.plant.mass.ndim - 2) + [(0, 2)])
+        b = np.pad(p.B2, [(0, 0)] * (p.B2.ndim - 1) + [(0, 2)])
         b[..., n + 1] = 1.0
-        C = np.pad(C, [(0, 0)] * (C.ndim - 1) + [(0, 2)])
-    a0, a1 = np.asarray(loop.autopilot.attitude_gain)[..., None], np.asarray(loop.autopilot.rate_gain)[..., None]
-    batch = loop.batch
-    attitude = np.einsum("...j,...jk->...k", C[..., 0, :], A)
-    c = np.broadcast_to(
-        np.where(a1 != 0.0, a0 * C[..., 0, :] + a1 * C[..., 1, :], a0 * attitude), (*batch, A.shape[-1])
-    )
-    cA, cb = np.einsum("...j,...jk->...k", c, A), np.sum(c * b, axis=-1)[..., None, None]
+        c = np.pad(c, [(0, 0)] * (c.ndim - 1) + [(0, 2)])
+        c[..., n], at_once = p.d, p.d2
+    c = np.broadcast_to(c, (*loop.batch, A.shape[-1]))
+    felt, rated = (np.broadcast_to(x, loop.batch)[..., None] for x in (at_once != 0.0, _rated(loop)))
+    c1 = np.einsum("...j,...jk->...k", c, A)
+    c2 = np.einsum("...j,...jk->...k", c1, A)
+    row = np.where(felt, c, np.where(rated, c1, c2))
+    size = np.where(felt[..., 0], at_once, np.where(rated[..., 0], np.sum(c * b, axis=-1), np.sum(c1 * b, axis=-1)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        moved = A - b[..., :, None] * cA[..., None, :] / cb
-    return np.linalg.eigvals(np.where(np.isfinite(moved), moved, 0.0)).astype(
-        complex
-    )  # no zero is placed where c b vanishes
+        moved = A - b[..., :, None] * row[..., None, :] / size[..., None, None]
+    # no zero is placed where the size vanishes
+    return np.linalg.eigvals(np.where(np.isfinite(moved), moved, 0.0)).astype(complex)
+
+
+def _rated(loop: Loop) -> BoolArray:
+    """Return whether the autopilot is fed a velocity."""
+    a = loop.autopilot
+    return np.asarray((np.asarray(a.rate_gain) != 0.0) | (np.asarray(a.drift_rate_gain) != 0.0))
 
 
 def loop_zeros(loop: Loop) -> ComplexArray:
-    """Return the finite zeros of one loop: those of the plant from engine to sensed attitude, and of the filters."""
+    """Return the finite zeros of one loop: those of the plant from engine to sensor, and of the forward path."""
     zeros = _zeros(loop)
-    order = 1 if np.all(np.asarray(loop.autopilot.rate_gain) != 0.0) else 2
+    order = 0 if np.any(loop.autopilot.accelerometer_gain) else 1 if np.all(_rated(loop)) else 2
     own = zeros[np.argsort(np.abs(zeros))[order:]]
-    return np.concatenate([own, *(np.roots(f.numerator) for f in loop.autopilot.filter)]).astype(complex)
+    tops = [np.array(f.numerator) for f in loop.autopilot.filter]
+    if loop.autopilot.actuator is not None:
+        tops.append(loop.autopilot.actuator.fraction[0])
+    return np.concatenate([own, *(np.roots(top) for top in tops)]).astype(complex)
 
 
 def _rolled_off(loop: Loop, omega: Array) -> Array:

@@ -47,6 +47,7 @@ class FlexibleMode(BaseModel):
     rate_gyro: ModeSlope | None = Field(
         default=None, description="at the rate gyro; default: where the attitude is read"
     )
+    accelerometer: ModeShape | None = Field(default=None, description="at the accelerometer, where one is fed back")
     tank: dict[str, ModeShape] = Field(default={}, description="at each slosh mass, by tank name")
 
 

@@ -1,9 +1,11 @@
 """The vehicle: a rigid body on vectored thrust with its slosh masses, table 1."""
 
-from typing import Annotated, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from sloshpy.units import Array, Quantity, Real, refusal
 from sloshpy.vehicle.flexible_mode import Aerodynamics, Engine, FlexibleMode
@@ -35,10 +37,21 @@ class Vehicle(BaseModel):
         default_factory=lambda data: data["thrust"]
     )
     drag: Annotated[Real, Quantity("N", "D", "drag", least=0.0)] = 0.0
+    accelerometer_station: (
+        Annotated[Real, Quantity("m", "X_a", "lateral accelerometer forward of the gimbal, where one is fed back")]
+        | None
+    ) = None
     tanks: tuple[SloshMass, ...] = Field(default=(), description="slosh masses, one for each tank")
     flexible_modes: tuple[FlexibleMode, ...] = Field(default=(), description="bending modes")
     engine: Engine | None = None
     aerodynamics: Aerodynamics | None = None
+
+    @field_validator("tanks")
+    @classmethod
+    def _pendulums_hang(cls, tanks: tuple[SloshMass, ...], info: ValidationInfo) -> tuple[SloshMass, ...]:
+        if not {"mass", "thrust", "drag"} <= info.data.keys():
+            return tanks  # refused already
+        return _hung(tanks, (info.data["thrust"] - info.data["drag"]) / info.data["mass"])
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -98,6 +111,13 @@ class Vehicle(BaseModel):
             )
         return self
 
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with some fields changed; the frequency of a pendulum follows the new acceleration."""
+        copy = super().model_copy(update=update, deep=deep)
+        if all(tank.pendulum_length is None for tank in copy.tanks):
+            return copy
+        return super().model_copy(update={**(update or {}), "tanks": _hung(copy.tanks, copy.acceleration)}, deep=deep)
+
     @property
     def acceleration(self) -> Real:
         """Axial acceleration a = (F - D)/M, m/s^2; k3 of the paper."""
@@ -136,3 +156,15 @@ class Vehicle(BaseModel):
         finite = np.all(np.isfinite(gram), axis=(-1, -2))
         greatest = np.linalg.eigvalsh(np.where(finite[..., None, None], gram, np.eye(len(columns))))[..., -1]
         return np.asarray(np.where(finite, 1.0 - greatest, -np.inf))
+
+
+def _hung(tanks: tuple[SloshMass, ...], acceleration: Real) -> tuple[SloshMass, ...]:
+    """Return the slosh masses under an axial acceleration; an error says which one it is."""
+    hung = []
+    for j, tank in enumerate(tanks):
+        try:
+            hung.append(tank.under(acceleration))
+        except PydanticCustomError as error:
+            words = error.context or {}
+            raise refusal((j, *words["key"]), words["rule"], words["cure"]) from None
+    return tuple(hung)
