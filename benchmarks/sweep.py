@@ -17,6 +17,7 @@ import control
 import numpy as np
 import scipy.signal
 
+import sloshpy
 from sloshpy.autopilot import Autopilot
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import ConstantDamping
@@ -141,7 +142,9 @@ def main() -> None:
     print(f"W1 small: {POINTS} points x {DAMPINGS} dampings x {FREQUENCIES} frequencies, CPU seconds")
     print(f"{'':34s} {'time':>9s} {'ns/value':>9s} {'error of L':>11s} {'ratio':>8s}  to reach")
     values = POINTS * DAMPINGS * FREQUENCIES
-    print(f"{'sloshpy ' + np.__version__ + ' (numpy)':34s} {own:9.3f} {1e9 * own / values:9.1f} {error_of(ours):11.1e}")
+    print(
+        f"{f'sloshpy {sloshpy.__version__}, NumPy {np.__version__}':34s} {own:9.3f} {1e9 * own / values:9.1f} {error_of(ours):11.1e}"
+    )
     laub = control.StateSpace.slycot_laub
 
     def without_slycot(*_: object) -> None:

@@ -94,6 +94,7 @@ def test_the_loop_is_read_at_the_damping_or_amplitude_asked_for(run, case, optio
         ("danger-zone", "--all"),
         ("limit-cycle",),
         ("growth",),
+        ("map",),
         ("simulate", "--duration", "60 s"),
         ("simulate", "--degraded", "--duration", "60 s"),
     ],
@@ -130,6 +131,12 @@ def test_two_axes_are_told_from_one_case_or_two(run, case):
     assert "circular limit cycle at 0.3394 Hz, attracts: LOX 0.1905 x 0.1905 m" in out
     weak = changed(case, "[autopilot]", '[autopilot]\ngain = "-1 dB"')
     assert "elliptic" in run("axes", case, weak)[1]
+
+
+def test_the_exact_orbit_is_told_with_its_multipliers(run, case):
+    status, out, _ = run("orbit", case)
+    assert status == 0
+    assert "0.2244 m" in out
 
 
 def test_noise_is_told_as_rms(run, case):

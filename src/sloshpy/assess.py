@@ -287,10 +287,9 @@ def _verdict(
     verdict = "invalid" if invalid and not failed else "fail" if failed else "pass"
     if not found.trusted:
         verdict = "invalid"
-    if verdict == "pass":
-        return verdict, (*met, *told, *cautions)
     first = (*failed, *invalid) if verdict == "fail" else (*invalid, *failed)
-    return verdict, (*first, *told, *cautions, *met)
+    told_all = (*met, *told, *cautions) if verdict == "pass" else (*first, *told, *cautions, *met)
+    return verdict, tuple(dict.fromkeys(told_all))  # two tanks may have the same to say
 
 
 def _other_minima(found: Margins, tanks: int) -> Array:

@@ -19,7 +19,15 @@ from sloshpy.case import Case
 from sloshpy.dynamics import closed_loop_poles, open_loop
 from sloshpy.errors import InputError, OutsideValidity, Problem
 from sloshpy.files import case_schema, example_names, read_case, write_example
-from sloshpy.limit_cycle import LimitCycle, growth_curve, limit_cycles, predict_limit_cycle, two_axis_cycles
+from sloshpy.limit_cycle import (
+    LimitCycle,
+    degradation_map,
+    growth_curve,
+    limit_cycles,
+    periodic_orbit,
+    predict_limit_cycle,
+    two_axis_cycles,
+)
 from sloshpy.simulation import Noise, OneMinusCosine, forced_response, simulate, verify
 from sloshpy.stability import (
     damping_sensitivity,
@@ -173,6 +181,25 @@ def growth(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
     cycles = limit_cycles(read)
     print("\n".join(f"  {cycle}" for cycle in cycles) or "  no limit cycle of the loop as given")
     return _save(plots.plot_growth(curve, cycles), path)
+
+
+@app.command(name="map")
+def map_command(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+    """Print and draw the limit cycle over extra gain and delay, with the disc margin and the engine's limit on it."""
+    from sloshpy import plots  # as above
+
+    read, path = read_case(case), _figure(case, output, "map")
+    result = degradation_map(read, _tank(read, tank))
+    print(result)
+    return _save(plots.plot_degradation_map(result), path)
+
+
+@app.command
+def orbit(case: CaseFile) -> int:
+    """Print the exact periodic orbit of the loop as given: its harmonics, and by Floquet multipliers if it attracts."""
+    found = periodic_orbit(read_case(case))
+    print(found)
+    return 0 if found.stable else 1
 
 
 @app.command
