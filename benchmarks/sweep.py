@@ -142,9 +142,8 @@ def main() -> None:
     print(f"W1 small: {POINTS} points x {DAMPINGS} dampings x {FREQUENCIES} frequencies, CPU seconds")
     print(f"{'':34s} {'time':>9s} {'ns/value':>9s} {'error of L':>11s} {'ratio':>8s}  to reach")
     values = POINTS * DAMPINGS * FREQUENCIES
-    print(
-        f"{f'sloshpy {sloshpy.__version__}, NumPy {np.__version__}':34s} {own:9.3f} {1e9 * own / values:9.1f} {error_of(ours):11.1e}"
-    )
+    name = f"sloshpy {sloshpy.__version__}, NumPy {np.__version__}"
+    print(f"{name:34s} {own:9.3f} {1e9 * own / values:9.1f} {error_of(ours):11.1e}")
     laub = control.StateSpace.slycot_laub
 
     def without_slycot(*_: object) -> None:
