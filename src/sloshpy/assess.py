@@ -3,7 +3,7 @@
 import functools
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -216,6 +216,17 @@ def _review(case: Case, tank: int, damping: Array, found: Margins, others: Array
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Findings:
+    """What speaks for and against a case: no verdict, failures, cautions, what was met and what is told."""
+
+    invalid: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    cautions: list[str] = field(default_factory=list)
+    met: list[str] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+
+
 def _verdict(
     case: Case,
     found: Margins,
@@ -225,21 +236,39 @@ def _verdict(
     unsupported: str,
 ) -> tuple[str, tuple[str, ...]]:
     """Return the verdict and its reasons: no verdict, failures, cautions, then what was met."""
-    criteria = case.criteria
-    invalid: list[str] = []
-    failed: list[str] = []
-    cautions: list[str] = []
-    met: list[str] = []
-    told: list[str] = []
+    all_ = _Findings()
     if not found.trusted:
-        invalid.append(
+        all_.invalid.append(
             "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
         )
+    _judge_loop(all_, case, found, poles, len(tanks))
+    _judge_tanks(all_, case, tanks)
+    for one in cycles or ():
+        if one.stable and one.tvc_amplitude > case.criteria.tvc_amplitude:
+            limit = np.degrees(case.criteria.tvc_amplitude)
+            all_.failed.append(f"the loop as given has a {one}, more than {limit:.3g} deg")
+        else:
+            all_.told.append(f"the loop as given {'runs into a' if one.stable else 'grows away from an'} {one}")
+    if unsupported:
+        all_.invalid.append(unsupported)
+    verdict = "invalid" if all_.invalid and not all_.failed else "fail" if all_.failed else "pass"
+    if not found.trusted:
+        verdict = "invalid"
+    first = (*all_.failed, *all_.invalid) if verdict == "fail" else (*all_.invalid, *all_.failed)
+    rest = (*all_.told, *all_.cautions)
+    told = (*all_.met, *rest) if verdict == "pass" else (*first, *rest, *all_.met)
+    return verdict, tuple(dict.fromkeys(told))  # two tanks may have the same to say
+
+
+def _judge_loop(all_: _Findings, case: Case, found: Margins, poles: Poles, tanks: int) -> None:
+    """Judge the modes that are no slosh, their disc margin, and slosh that nothing damps."""
     axis = NEUTRAL * float(np.max(found.source.plant.tank_frequency))
     laws = {tank.name: tank.damping for tank in case.vehicle.tanks}
     for value, name, kind, own in zip(poles.value, poles.name, poles.kind, poles.tank, strict=True):
         if kind == "slosh" and own is not None and abs(value.real) <= axis and np.isinf(laws[own].amplitude(1e-9)):
-            failed.append(f"{name} is neutral and has no damping at any amplitude: once moved it never comes to rest")
+            all_.failed.append(
+                f"{name} is neutral and has no damping at any amplitude: once moved it never comes to rest"
+            )
         if kind == "slosh" or value.real < -axis:
             continue
         on_axis = value.real <= axis
@@ -248,16 +277,20 @@ def _verdict(
             if on_axis
             else f"is unstable: it grows at {value.real:.4g} 1/s"
         )
-        failed.append(f"{name} mode {what}")
-    other = _other_minima(found, len(tanks))
-    least = float(np.min(other))
-    if least < criteria.disc_margin:
+        all_.failed.append(f"{name} mode {what}")
+    other = _other_minima(found, tanks)
+    least, wanted = float(np.min(other)), case.criteria.disc_margin
+    if least < wanted:
         k = int(np.argmin(other))
         mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
-        failed.append(f"{mode}: disc margin {least:.3f} at {where:.4f} Hz, needs {criteria.disc_margin:g}")
+        all_.failed.append(f"{mode}: disc margin {least:.3f} at {where:.4f} Hz, needs {wanted:g}")
+
+
+def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:
+    """Judge each tank's limit cycle, and say what its data leave open."""
     for tank in tanks:
         cycle = tank.limit_cycle
-        target = {None: invalid, False: failed, True: met}[cycle.acceptable]
+        target = {None: all_.invalid, False: all_.failed, True: all_.met}[cycle.acceptable]
         if np.isfinite(cycle.tvc_amplitude[1]) and cycle.acceptable is not None:
             worst, limit = np.degrees(cycle.worst_tvc_amplitude), np.degrees(cycle.tvc_limit)
             sign = "<=" if worst <= limit else ">"
@@ -265,31 +298,18 @@ def _verdict(
                 f"{tank.name}: degraded by its whole margin it cycles with {cycle.worst_slosh_amplitude:.4g} m of "
                 f"slosh and {worst:.3f} deg of engine, {sign} {limit:.3g} deg"
             )
-            cautions += [f"{tank.name}: {reason}" for reason in cycle.reasons]
+            all_.cautions.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
         else:
-            target += [f"{tank.name}: {reason}" for reason in cycle.reasons]
-    for one in cycles or ():
-        if one.stable and one.tvc_amplitude > criteria.tvc_amplitude:
-            failed.append(f"the loop as given has a {one}, more than {np.degrees(criteria.tvc_amplitude):.3g} deg")
-        else:
-            told.append(f"the loop as given {'runs into a' if one.stable else 'grows away from an'} {one}")
-    if unsupported:
-        invalid.append(unsupported)
+            target.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
     heavy = float(case.vehicle.mass_matrix_margin)
     if heavy < HEAVY_SLOSH:
-        cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
-    for tank, mass in zip(tanks, case.vehicle.tanks, strict=True):
+        all_.cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
+    for mass in case.vehicle.tanks:
         if mass.damping.smallest_amplitude > 0.0:
-            cautions.append(
-                f"caution: {tank.name}: the damping data start at {mass.damping.smallest_amplitude:g} m; "
+            all_.cautions.append(
+                f"caution: {mass.name}: the damping data start at {mass.damping.smallest_amplitude:g} m; "
                 "the loop at small amplitude was read there"
             )
-    verdict = "invalid" if invalid and not failed else "fail" if failed else "pass"
-    if not found.trusted:
-        verdict = "invalid"
-    first = (*failed, *invalid) if verdict == "fail" else (*invalid, *failed)
-    told_all = (*met, *told, *cautions) if verdict == "pass" else (*first, *told, *cautions, *met)
-    return verdict, tuple(dict.fromkeys(told_all))  # two tanks may have the same to say
 
 
 def _other_minima(found: Margins, tanks: int) -> Array:
