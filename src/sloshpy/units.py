@@ -50,6 +50,8 @@ _EXAMPLES = {
     "1/m": '"0.1 1/m" or "10 %/m"',
     "m/s": '"400 m/s"',
     "m/s^2": '"12.1 m/s^2" or "1.2 g_0"',
+    "kg/m^3": '"1141 kg/m^3" or "71.2 lbm/ft^3"',
+    "m^2/s": '"1.7e-7 m^2/s" or "0.17 cSt"',
     "dB": '"6 dB"',
     "1": '0.048 or "4.8 %"',
 }
@@ -66,6 +68,8 @@ _KINDS = {
     "m/s": "a speed",
     "m/s^2": "an acceleration",
     "1/m": "a ratio per length",
+    "kg/m^3": "a density",
+    "m^2/s": "a kinematic viscosity",
     "dimensionless": "a plain number or an angle",
 }
 

@@ -5,6 +5,7 @@ from sloshpy.files.examples import example_names, write_example
 from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.schema import case_schema
 from sloshpy.files.tables import read_damping_table
+from sloshpy.files.tank_file import read_tank
 from sloshpy.files.write import write_case
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "from_control",
     "read_case",
     "read_damping_table",
+    "read_tank",
     "response_to_control",
     "to_control",
     "write_case",

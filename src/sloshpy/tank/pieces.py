@@ -90,7 +90,7 @@ class Curve:
 
     spline: "CubicSpline | BSpline"
     knots: Array
-    coarse: "Curve | Polygon"  # of half as many points or knots: the difference is what the points leave open
+    coarse: "Curve | Polygon"  # of half as many points, or straight: the difference is what the points leave open
 
     @property
     def straight(self) -> bool:
@@ -154,25 +154,22 @@ def curve_along(points: Sequence[tuple[float, float]], intervals: int) -> Curve:
     weight = np.ones(len(p))
     weight[[0, -1]] = 1e6
 
-    def fitted(count: int) -> "tuple[BSpline, Array]":
-        knots = np.append(0.0, length[np.linspace(0, len(p) - 1, count + 1).astype(int)[1:-1]])
-        knots = np.append(knots, 1.0)
-        return make_lsq_spline(length, p, np.concatenate([[0.0] * 3, knots, [1.0] * 3]), w=weight), knots
-
-    coarse, few = fitted(intervals // 2)
-    fine, many = fitted(intervals)
-    return Curve(spline=fine, knots=many, coarse=Curve(spline=coarse, knots=few, coarse=Polygon(length=length, points=p)))
+    at = length[np.linspace(0, len(p) - 1, intervals + 1).astype(int)]
+    knots = np.concatenate([[0.0], at[1:-1], [1.0]])
+    spline = make_lsq_spline(length, p, np.concatenate([[0.0] * 3, knots, [1.0] * 3]), w=weight)
+    return Curve(spline=spline, knots=knots, coarse=Polygon(length=length, points=p))
 
 
 def doubt(piece: Piece) -> float:
     """Return how far a volume under a wall depends on what lies between its points, m^3.
 
-    A curve by half as many points differs from the curve by 15 times what that differs from the wall, where the wall
-    is smooth; a quarter of the difference is taken.
+    A curve through half as many points differs from the curve by 15 times what that differs from the wall, where the
+    wall is smooth; a quarter of the difference is taken, and all of that to the straight lines between points.
     """
     if not isinstance(piece, Curve):
         return 0.0
-    return 0.25 * abs(moments(piece)[0] - moments(piece.coarse)[0])
+    share = 0.25 if isinstance(piece.coarse, Curve) else 1.0
+    return share * abs(moments(piece)[0] - moments(piece.coarse)[0])
 
 
 def _over_length(points: Sequence[tuple[float, float]]) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from skfem import CellBasis
 
 _ORDER = 10  # of the quadrature: quartics squared, curved walls and the weight r^3
-_SHORT = 2e-3  # of the surface's radius: an edge left straight, which takes 1e-9 of its square off the section
+_SHORT = 2e-4  # of the surface's radius: an edge left straight; all of them together take 1e-9 off the section
 # barycentric coordinates of the three inner nodes of the quartic triangle
 _INNER = np.array([[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.25, 0.25, 0.5]])
 

@@ -49,11 +49,11 @@ class Fill(BaseModel):
         """Read "6.2 m", "62 %" or, in Python, a depth in m."""
         if isinstance(data, str):
             try:
-                if data.strip().endswith("%"):
-                    return {"fraction": parse(data, "1")}
-                return {"depth": parse(data, "m")}
+                of_volume = data.strip().endswith("%")
+                parse(data, "1" if of_volume else "m")
             except UnitError as error:
                 raise refusal((), error.rule, _FILL_CURE) from None
+            return {"fraction" if of_volume else "depth": data}
         if isinstance(data, bool) or not isinstance(data, int | float):
             if isinstance(data, cls | dict) and not (info.context and info.context.get("file")):
                 return data
