@@ -1,5 +1,6 @@
 """Tanks: contour, liquid, fill and acceleration to slosh masses, fig 1."""
 
+from sloshpy.tank.history import FillHistory, slosh_masses_history
 from sloshpy.tank.shapes import Annulus, Capsule, Cone, Contour, Cylinder, Sphere, Spheroid, Toroid
 from sloshpy.tank.slosh_masses import SloshModes, slosh_masses
 from sloshpy.tank.tank import Fill, Liquid, Ring, Tank
@@ -11,6 +12,7 @@ __all__ = [
     "Contour",
     "Cylinder",
     "Fill",
+    "FillHistory",
     "Liquid",
     "Ring",
     "SloshModes",
@@ -19,4 +21,5 @@ __all__ = [
     "Tank",
     "Toroid",
     "slosh_masses",
+    "slosh_masses_history",
 ]

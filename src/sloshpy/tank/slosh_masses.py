@@ -10,7 +10,7 @@ from sloshpy.tank.closed_form import flat_bottom
 from sloshpy.tank.eigen import TOLERANCE, modes_by_elements
 from sloshpy.tank.liquid import LiquidSection
 from sloshpy.tank.modal import Modal
-from sloshpy.tank.shapes import Annulus, Cylinder
+from sloshpy.tank.shapes import Annulus, Cylinder, Wall
 from sloshpy.tank.tank import Tank
 from sloshpy.units import Array
 
@@ -86,6 +86,17 @@ class SloshModes:
         if np.max(self.error_estimate) > TOLERANCE:
             found.append(f"numbers are good to {np.max(self.error_estimate):.1e} only, {TOLERANCE:.0e} was wanted")
         return tuple(found)
+
+    @property
+    def walls(self) -> tuple[Array, ...]:
+        """Outer and inner wall of the whole tank as polygons (2, k): r and z in m."""
+        return tuple(_outline(wall) for wall in (self.tank.shape.outer, self.tank.shape.inner) if wall)
+
+    @property
+    def outline(self) -> Array:
+        """Boundary of the liquid's half section as a polygon (2, k): r and z in m."""
+        f = np.linspace(0.0, 1.0, 65)
+        return np.concatenate([part.point(f) for part in self.section.boundary], axis=1)
 
     def __str__(self) -> str:
         tank, s = self.tank, self.section
@@ -207,6 +218,10 @@ def slosh_masses(tank: Tank, tolerance: float = TOLERANCE) -> SloshModes:
     else:
         modal = modes_by_elements(section, count, tank.modes, tolerance)
     return _dressed(tank, section, modal)
+
+
+def _outline(wall: Wall) -> Array:
+    return np.concatenate([piece.point(np.linspace(0.0, 1.0, 129)) for piece in wall], axis=1)
 
 
 def _dressed(tank: Tank, section: LiquidSection, modal: Modal) -> SloshModes:
