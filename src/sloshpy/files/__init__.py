@@ -3,6 +3,7 @@
 from sloshpy.files.case_file import read_case
 from sloshpy.files.examples import example_names, write_example
 from sloshpy.files.exchange import from_control, response_to_control, to_control
+from sloshpy.files.fill_history import read_fill_table, write_fill_history
 from sloshpy.files.schema import case_schema
 from sloshpy.files.tables import read_damping_table
 from sloshpy.files.tank_file import read_tank
@@ -14,9 +15,11 @@ __all__ = [
     "from_control",
     "read_case",
     "read_damping_table",
+    "read_fill_table",
     "read_tank",
     "response_to_control",
     "to_control",
     "write_case",
     "write_example",
+    "write_fill_history",
 ]

@@ -12,9 +12,11 @@ from sloshpy.tank.potential import TooCoarseError, Potentials, potentials
 from sloshpy.units import Array
 
 TOLERANCE = 1e-6  # relative, of frequency, slosh mass, heights, wave and inertia
+NO_MASS = 1e-9  # of the liquid: a mode that does not push the tank has no height
 _REFINED = 0.9  # share of the indicated error that is refined
-_MOST_TRIANGLES = 4000  # some 32 000 unknowns, a second
 _LEAST_REFINED = 0.25  # of the triangles: a few bad ones must not pass for the whole
+_MOST_TRIANGLES = 4000  # some 32 000 unknowns, a second
+_CAUTION = 3.0  # what the rate at which the changes shrink is multiplied by
 _LEAST_ERROR = 1e-8  # two meshes may agree by chance
 
 
@@ -22,24 +24,26 @@ def modes_by_elements(section: LiquidSection, modes: int, wanted: int, tolerance
     """Return modes and rigid-lid inertia of a liquid, refining the mesh until two solutions agree to a tolerance.
 
     Of the modes, the first that are wanted must be so good; the others are as good as they come.
-    The error estimate is the greatest relative change of a mode's numbers by the last refinement, which is more than
-    the error that is left, and what a contour's points leave open. Where the mesh may grow no further it is above the
-    tolerance and says so.
+    The error estimate is the greatest relative change of a mode's numbers by the last refinement, times three times
+    what the changes shrink by (0.1 at least and 1 at most), and what a contour's points leave open. Where the mesh may
+    grow no further it is above the tolerance and says so.
 
     Raises:
         OutsideValidity: the section cannot be meshed.
     """
-    mesh = first_mesh(section)
-    before, change = None, np.full(modes, np.inf)
+    mesh, before = first_mesh(section), None
+    error = change = np.full(modes, np.inf)
     while True:
         found = _solved(mesh, modes)
         now = _in_metres(found, section)
         if before is not None:
-            change = _change(before, now, section)
-            if np.all(change[:wanted] < tolerance) or len(found.indicator) > 0.6 * _MOST_TRIANGLES:
+            last, change = change, _change(before, now, section)
+            shrinking = np.where(np.isfinite(last), change / np.maximum(last, 1e-300), 1.0)
+            error = np.maximum(change * np.clip(_CAUTION * shrinking, 0.1, 1.0), _LEAST_ERROR)
+            if np.all(error[:wanted] < tolerance) or len(found.indicator) > 0.6 * _MOST_TRIANGLES:
                 break
         before, mesh = now, found.mesh.refined(_worst(found.indicator))
-    error = np.maximum(change, _LEAST_ERROR) + section.doubt
+    error = error + section.doubt
     return replace(now, error=error, method=f"finite elements: {len(found.indicator)} quartic triangles")
 
 
@@ -65,10 +69,13 @@ def _worst(indicator: Array) -> Array:
 def _in_metres(found: Potentials, section: LiquidSection) -> Modal:
     a, p = found.mesh.scale, found
     wall = p.surface_shape[:, -1:]
+    mass = np.pi * a**3 * p.kappa * p.surface_moment**2 / p.surface_square
+    felt = mass > NO_MASS * section.volume
+    moment = np.where(felt, p.surface_moment, 1.0)
     return Modal(
         kappa=p.kappa / a,
-        mass_volume=np.pi * a**3 * p.kappa * p.surface_moment**2 / p.surface_square,
-        spring_height=section.depth - 2.0 * a * p.lift / (p.kappa * p.surface_moment),
+        mass_volume=mass,
+        spring_height=np.where(felt, section.depth - 2.0 * a * p.lift / (p.kappa * moment), np.nan),
         wave=p.kappa * p.wall * p.surface_moment / p.surface_square,
         lid_volume=np.pi * a**5 * p.lid,
         error=np.zeros(len(p.kappa)),
@@ -84,12 +91,14 @@ def _change(before: Modal, now: Modal, section: LiquidSection) -> Array:
     A slosh mass that is nothing against the liquid is compared with a thousandth of it, and has no height.
     """
     mass = np.maximum(now.mass_volume, 1e-3 * section.volume)
-    felt = np.minimum(now.mass_volume / (1e-3 * section.volume), 1.0)
+    known = np.isfinite(now.spring_height) & np.isfinite(before.spring_height)
+    felt = np.where(known, np.minimum(now.mass_volume / (1e-3 * section.volume), 1.0), 0.0)
+    height = np.where(felt > 0.0, now.spring_height - before.spring_height, 0.0)
     changes = [
         (now.kappa - before.kappa) / now.kappa,
         (now.mass_volume - before.mass_volume) / mass,
-        felt * (now.spring_height - before.spring_height) / section.radius,
-        felt * (now.wave - before.wave) / now.wave,
+        felt * height / section.radius,
+        felt * (now.wave - before.wave) / np.where(felt > 0.0, now.wave, 1.0),
         np.full(len(now.kappa), (now.lid_volume - before.lid_volume) / now.lid_volume),
     ]
     return np.asarray(np.max(np.abs(changes), axis=0))

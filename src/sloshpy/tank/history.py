@@ -1,5 +1,6 @@
 """Slosh masses along a flight: a table of fill and acceleration to a table of all that the plant needs."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -86,6 +87,15 @@ class FillHistory:
         if shown != there:
             lines.append(f"  ({len(there) - len(shown)} rows not shown)")
         return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """Return one JSON object in SI units: the points in order, each as `SloshModes.to_dict` or null with a reason."""
+        times = [None] * len(self.rows) if self.time is None else self.time.tolist()
+        points = [
+            {"time": t, "acceleration": float(a), "reason": reason, "tank": None if row is None else row.to_dict()}
+            for t, a, reason, row in zip(times, self.acceleration, self.reason, self.rows, strict=True)
+        ]
+        return json.dumps({"name": self.tank.name, "points": points}, indent=1)
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the table as an xarray Dataset over the points and the modes."""

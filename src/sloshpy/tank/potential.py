@@ -43,8 +43,8 @@ class Potentials:
 
 def potentials(mesh: SectionMesh, modes: int, centre: float) -> Potentials:
     """Solve for the first slosh modes and for the tank turning about a centre, in units of the mesh's scale."""
-    from scipy.linalg import cholesky, eigh, solve_triangular
-    from scipy.sparse.linalg import splu
+    from scipy.linalg import cholesky
+    from scipy.sparse.linalg import LinearOperator, eigsh, splu
     from skfem import BilinearForm, ElementTriP4, FacetBasis, LinearForm
 
     basis = _curved_basis(mesh)
@@ -78,18 +78,24 @@ def potentials(mesh: SectionMesh, modes: int, centre: float) -> Potentials:
     s = np.unique(top.get_dofs(mesh.surface).all())
     if len(s) < 3 * modes:
         raise TooCoarseError(mesh.mesh.f2t[0, mesh.surface])
-    solve = splu(K, permc_spec="COLAMD").solve
-    unit = np.zeros((K.shape[0], len(s)))
-    unit[s, np.arange(len(s))] = 1.0
-    X = solve(unit)
+    # K is symmetric and positive: no pivoting, and an ordering for that
+    solve = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
     M_s = M[s][:, s].toarray()
     L = cholesky(M_s, lower=True)
-    S = X[s]
-    inverse, y = eigh(L.T @ (0.5 * (S + S.T)) @ L)
-    order = np.argsort(inverse)[::-1][:modes]
+
+    def pulled(y: Array) -> Array:
+        """Apply L' (K^-1 on the surface) L, whose eigenvalues are 1/kappa."""
+        load = np.zeros(K.shape[0])
+        load[s] = L @ y
+        return np.asarray(L.T @ solve(load)[s])
+
+    operator = LinearOperator((len(s), len(s)), matvec=pulled, dtype=float)
+    inverse, y = eigsh(operator, k=modes, which="LA", v0=L.T @ b[s], tol=0.0)
+    order = np.argsort(inverse)[::-1]
     kappa = 1.0 / inverse[order]
-    u_s = solve_triangular(L.T, y[:, order], lower=False)
-    q = X @ (M_s @ u_s) * kappa
+    q = np.zeros((K.shape[0], modes))
+    q[s] = L @ y[:, order]
+    q = solve(q) * kappa
     lid = solve(load)
     rim = int(s[np.argmax(basis.doflocs[0, s])])
     along = s[np.argsort(basis.doflocs[0, s])]

@@ -25,7 +25,7 @@ class SloshModes:
     """The slosh masses of a tank, its fixed mass and its rigid-lid inertia. Heights are above the lowest point, in m.
 
     Of each mode, (n,): kappa = w^2/a, 1/m; frequency, rad/s; slosh_mass, kg; spring_height: of the spring-mass, the one
-    the plant's equations want; wave_per_displacement: wave height at the outer wall per slosh-mass displacement;
+    the plant's equations want, nan for a mode without mass; wave_per_displacement: wave height at the outer wall per slosh-mass displacement;
     error_estimate: relative, the worst of these numbers. fixed_mass, kg, fixed_mass_height and fixed_mass_inertia,
     kg m^2, complete liquid mass, c.g. and rigid-lid inertia; the fixed inertia may be negative. rigid_lid_inertia: of
     the liquid about its c.g. with the surface closed by a lid, kg m^2. next_mass: of the first mode left out, kg.
@@ -130,16 +130,20 @@ class SloshModes:
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers in SI units, as `sloshpy tank --json` prints them."""
         station = self.station
+
+        def plain(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
         modes = [
             {
                 "kappa": float(self.kappa[n]),
                 "frequency_hz": float(self.f_hz[n]),
                 "slosh_mass": float(self.slosh_mass[n]),
-                "spring_height": float(self.spring_height[n]),
-                "hinge_height": float(self.hinge_height[n]),
+                "spring_height": plain(self.spring_height[n]),
+                "hinge_height": plain(self.hinge_height[n]),
                 "pendulum_length": float(self.pendulum_length[n]),
                 "wave_per_displacement": float(self.wave_per_displacement[n]),
-                "station": None if station is None else float(station[n]),
+                "station": None if station is None else plain(station[n]),
                 "error_estimate": float(self.error_estimate[n]),
             }
             for n in range(len(self.kappa))
@@ -156,6 +160,8 @@ class SloshModes:
             "fixed_mass_height": self.fixed_mass_height,
             "fixed_mass_inertia": self.fixed_mass_inertia,
             "rigid_lid_inertia": self.rigid_lid_inertia,
+            "wall_damping": None,
+            "baffle_damping": None,
         }
 
     def to_json(self) -> str:
@@ -230,9 +236,10 @@ def _dressed(tank: Tank, section: LiquidSection, modal: Modal) -> SloshModes:
     rho, H_cg = tank.liquid.density, section.cg_height
     m_T, m, H_s = rho * section.volume, rho * modal.mass_volume[n], modal.spring_height[n]
     I_F = rho * modal.lid_volume
+    felt = np.isfinite(H_s)
     m_0 = m_T - float(np.sum(m))
-    H_0 = (m_T * H_cg - float(m @ H_s)) / m_0
-    I_0 = I_F - m_0 * (H_0 - H_cg) ** 2 - float(m @ (H_s - H_cg) ** 2)
+    H_0 = (m_T * H_cg - float(m[felt] @ H_s[felt])) / m_0
+    I_0 = I_F - m_0 * (H_0 - H_cg) ** 2 - float(m[felt] @ (H_s[felt] - H_cg) ** 2)
     return SloshModes(
         tank=tank,
         section=section,
