@@ -275,6 +275,7 @@ def _verdict(
     heavy = float(case.vehicle.mass_matrix_margin)
     if heavy < HEAVY_SLOSH:
         cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
+    cautions += case.source.notes if case.source is not None else ()
     for tank, mass in zip(tanks, case.vehicle.tanks, strict=True):
         if mass.damping.smallest_amplitude > 0.0:
             cautions.append(

@@ -19,6 +19,7 @@ from sloshpy.errors import InputError, OutsideValidity, Problem
 from sloshpy.files import (
     case_schema,
     example_names,
+    example_tank_names,
     read_case,
     read_fill_table,
     read_tank,
@@ -213,7 +214,9 @@ def verify_command(case: CaseFile) -> int:
 def tank_command(
     file: Annotated[Path, Parameter(help="tank file (TOML)")],
     *,
-    json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units; no figure unless named")] = False,
+    json: Annotated[
+        bool, Parameter(negative="", help="print one JSON object in SI units; no figure unless named")
+    ] = False,
     history: Annotated[
         Path | None, Parameter(help="CSV with fill [%] or depth [m], and acceleration and time where they change")
     ] = None,
@@ -247,6 +250,8 @@ def validate(case: CaseFile) -> int:
     read = read_case(case)
     tanks = ", ".join(tank.name for tank in read.vehicle.tanks)
     print(f"{case}: valid. {read.name}; tanks: {tanks}")
+    for note in read.source.notes if read.source is not None else ():
+        print(f"  - {note}")
     return 0
 
 
@@ -259,8 +264,9 @@ def schema() -> int:
 
 @app.command
 def example(name: Annotated[str, Parameter(help="name of a shipped example")] = "") -> int:
-    """Write a shipped example case to the current folder; without a name, list them."""
-    print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(example_names()))
+    """Write a shipped example case or tank to the current folder; without a name, list them."""
+    listed = [*example_names(), *example_tank_names()]
+    print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(listed))
     return 0
 
 

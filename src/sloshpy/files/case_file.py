@@ -12,6 +12,7 @@ from sloshpy.case import Case, Source
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.places import Path, Places, find_places
 from sloshpy.files.tables import as_written, read_damping_table
+from sloshpy.files.tank_in_case import read_tank_files
 from sloshpy.files.text_file import beside, read_text
 from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
 from sloshpy.files.wording import OF_THE_VEHICLE, keys_at, nearest, problem_of, step_into, value_at, words_of
@@ -35,13 +36,15 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     document = parse_toml(text, file, places)
     given = _given(document, places)
     found = _unsupported(document, places)
-    found += _read_tables(document, FilePath(file).parent, places, given)
+    of_tanks, notes = read_tank_files(document, FilePath(file).parent, places, given)
+    found += of_tanks + _read_tables(document, FilePath(file).parent, places, given)
     case, faults = _validate(document, places)
     found = once(found + faults)
     if found or case is None:
         raise InputError(*in_file_order(found, file, places))
     digest = hashlib.sha256(raw).hexdigest()
-    return case.model_copy(update={"source": Source(file=FilePath(file).name, sha256=digest, given=given)})
+    source = Source(file=FilePath(file).name, sha256=digest, given=given, notes=tuple(notes))
+    return case.model_copy(update={"source": source})
 
 
 def _unsupported(document: dict[str, Any], places: Places) -> Found:
@@ -61,14 +64,6 @@ def _unsupported(document: dict[str, Any], places: Places) -> Found:
             refuse(("vehicle", field), "is an unknown key", f"write it under its own header {header}")
             del vehicle[field]
     tanks = document.get("tank", [])
-    for j, tank in enumerate(tanks if isinstance(tanks, list) else []):
-        if isinstance(tank, dict) and "tank_file" in tank:
-            refuse(
-                ("tank", j, "tank_file"),
-                "this version does not model tanks from their shape",
-                "give slosh_mass, station and frequency",
-            )
-            del tank["tank_file"]
     if tanks == []:
         refuse(("tank",), "no slosh mass to assess", "add a tank under the header [[tank]]")
         document.pop("tank", None)

@@ -92,7 +92,9 @@ def write_fill_history(found: FillHistory, path: str | os.PathLike[str]) -> Path
         try:
             frame.to_excel(path, index=False)
         except ImportError:
-            raise _refused(path, "needs openpyxl, which is not installed", "pip install openpyxl, or write CSV") from None
+            raise _refused(
+                path, "needs openpyxl, which is not installed", "pip install openpyxl, or write CSV"
+            ) from None
         except OSError as error:
             raise _refused(path, f"cannot be written ({error.strerror})", "check the folder") from None
     else:

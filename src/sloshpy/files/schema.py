@@ -23,6 +23,7 @@ def case_schema() -> Schema:
     keys |= parts
     keys["vehicle"]["required"] = ["mass", "inertia", "cg", "thrust"]
     keys["tank"] = tanks | {"minItems": 1}
+    _or_a_tank_file(tanks["items"])
     for key, default in _criteria_defaults().items():
         keys["criteria"]["properties"][key]["default"] = default
     laws = tanks["items"]["properties"]["damping"]["oneOf"]
@@ -81,6 +82,18 @@ def _as_in_a_file(law: Schema) -> None:
             "description": "CSV file beside the case file, in place of amplitude and ratio; "
             "header: amplitude [m], ratio [%]",
         }
+
+
+def _or_a_tank_file(tank: Schema) -> None:
+    """Let a tank name a tank file, in place, where slosh mass, station and frequency would stand."""
+    own = ["slosh_mass", "station", "frequency"]
+    tank["required"] = [key for key in tank["required"] if key not in own]
+    tank["oneOf"] = [{"required": own}, {"required": ["tank_file"]}]
+    tank["properties"]["tank_file"] = {
+        "type": "string",
+        "description": "tank file beside the case file, in place of slosh_mass, station and frequency",
+    }
+    tank["properties"]["mode"] = {"type": "number", "description": "which slosh mass of the tank file; default 1"}
 
 
 def _criteria_defaults() -> Schema:

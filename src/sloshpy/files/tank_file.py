@@ -4,6 +4,7 @@ import os
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
@@ -33,7 +34,7 @@ SHAPES: dict[str, type[BaseModel]] = {
     "contour": Contour,
 }
 _NOUNS: dict[Path, type[BaseModel]] = {(): Tank, ("liquid",): Liquid, ("baffle",): Ring}
-_HOW = {
+_HOW: dict[Path, str] = {
     ("name",): 'add name = "..." at the top',
     ("fill",): 'add fill = "6.2 m", a depth, or fill = "62 %" of the volume',
     ("liquid",): 'add [liquid] with density = "1141 kg/m^3"',
@@ -98,7 +99,7 @@ def _read_contour(document: dict[str, Any], folder: FilePath, places: Places) ->
         _, here = refuse(first.rule, first.cure)
         return None, here if first.line is None else [(path, problem) for problem in error.problems]
     lines = {column.name: [row.line for row in rows[1:]] for column in columns}
-    shape.update({name: as_written(values) for name, values in numbers.items()})
+    shape.update({name: as_written(np.array(values)) for name, values in numbers.items()})
     return _Rows(os.fspath(table), lines), []
 
 

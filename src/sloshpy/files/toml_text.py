@@ -18,7 +18,11 @@ def parse_toml(text: str, file: str, places: Places) -> dict[str, Any]:
     except RecursionError:
         raise InputError(
             Problem(
-                key="TOML file", value="", rule="is nested too deeply", cure="six levels deep is the most that is read", file=file
+                key="TOML file",
+                value="",
+                rule="is nested too deeply",
+                cure="six levels deep is the most that is read",
+                file=file,
             )
         ) from None
     except ValueError as error:  # of TOML, or an integer of thousands of digits

@@ -44,14 +44,18 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
         for side in (1.0, -1.0):
             _spring(ax, side * reach, float(H_s))
         _disc(ax, found, float(H_s), float(mass), width, ALARM)
-        labels.append((float(H_s), f"slosh mass {n + 1}: {mass:.6g} kg,\n{found.f_hz[n]:.4g} Hz, spring at {H_s:.4g} m", ALARM))
+        labels.append(
+            (float(H_s), f"slosh mass {n + 1}: {mass:.6g} kg,\n{found.f_hz[n]:.4g} Hz, spring at {H_s:.4g} m", ALARM)
+        )
     _disc(ax, found, found.fixed_mass_height, found.fixed_mass, width, INK)
     fixed = f"fixed mass: {found.fixed_mass:.6g} kg, {found.fixed_mass_height:.4g} m"
     labels.append((found.fixed_mass_height, fixed, INK))
     top, hinge = _MARGIN * height, float(found.hinge_height[0])
     where = f"hinge of the equal\npendulum: {hinge:.4g} m"
     if hinge <= 1.3 * height:
-        ax.plot([0.0, 0.0], [float(found.spring_height[0]), hinge], color=GREY, linewidth=1.0, linestyle=(0, (4.0, 2.0)))
+        ax.plot(
+            [0.0, 0.0], [float(found.spring_height[0]), hinge], color=GREY, linewidth=1.0, linestyle=(0, (4.0, 2.0))
+        )
         ax.plot(0.0, hinge, marker="v", color=GREY, markersize=8.0, zorder=6)
         labels.append((hinge, where, GREY))
         top = max(top, 1.04 * hinge)
@@ -64,7 +68,8 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
     ax.set_xlim(-_MARGIN * width, _MARGIN * width)
     _column(ax, labels, _MARGIN * width, low, top)
     share = f"{100.0 * section.volume / tank.volume:.3g} % full"
-    message = f"{tank.name}, {share}: {100.0 * found.slosh_mass[0] / found.liquid_mass:.3g} % of {found.liquid_mass:.6g} kg slosh at {found.f_hz[0]:.3g} Hz"
+    sloshing = f"{100.0 * found.slosh_mass[0] / found.liquid_mass:.3g} % of {found.liquid_mass:.6g} kg"
+    message = f"{tank.name}, {share}: {sloshing} slosh at {found.f_hz[0]:.3g} Hz"
     ax.set_anchor("W")
     finish(ax, message, "Distance from the axis [m]", "Height above the lowest point [m]")
     ax.grid(False)
@@ -81,7 +86,7 @@ def _disc(ax: Axes, found: SloshModes, height: float, mass: float, width: float,
     share = abs(mass) / found.liquid_mass
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
     a = _DISC * width * np.sqrt(share)
-    rim = {"color": color, "linewidth": 1.6, "zorder": 7}
+    rim: dict[str, Any] = {"color": color, "linewidth": 1.6, "zorder": 7}
     if color == ALARM:
         ax.fill(a * np.cos(angle), height + a * np.sin(angle), **rim)
     else:  # a ring: what it lies over stays in sight
@@ -99,7 +104,7 @@ def _spring(ax: Axes, wall: float, height: float) -> None:
 def _column(ax: Axes, labels: Sequence[tuple[float, str, str]], edge: float, low: float, top: float) -> None:
     """Write the labels beside the section, in the order of their heights, each with a leader."""
     rows = sorted(labels)
-    gap = max(0.085 * (top - low), 0.17 * edge)  # two lines of text, in a tall tank and in a flat one
+    gap = max(0.1 * (top - low), 0.2 * edge)  # two lines of text, in a tall tank and in a flat one
     first = sum(height for height, _, _ in rows) / len(rows) - 0.5 * gap * (len(rows) - 1)
     line: dict[str, Any] = {"arrowstyle": "-", "color": GREY, "linewidth": 0.7, "relpos": (0.0, 0.5)}
     words: dict[str, Any] = {"textcoords": "data", "ha": "left", "va": "center", "fontsize": SMALL}

@@ -204,7 +204,7 @@ def _rises(curve: Curve) -> bool:
 
 
 def _lines(points: list[tuple[float, float]]) -> list[Piece]:
-    return [Line(start=a, end=b) for a, b in zip(points[:-1], points[1:], strict=True)]
+    return [Line(start=a, end=b) for a, b in pairwise(points)]
 
 
 def _straight(points: list[tuple[float, float]], turn: Array, length: Array, whole: float) -> list[Piece]:

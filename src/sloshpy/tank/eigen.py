@@ -8,8 +8,8 @@ from sloshpy.errors import OutsideValidity
 from sloshpy.tank.liquid import LiquidSection
 from sloshpy.tank.mesh import SectionMesh, first_mesh
 from sloshpy.tank.modal import Modal
-from sloshpy.tank.potential import TooCoarseError, Potentials, potentials
-from sloshpy.units import Array
+from sloshpy.tank.potential import Potentials, TooCoarseError, potentials
+from sloshpy.units import Array, IntArray
 
 TOLERANCE = 1e-6  # relative, of frequency, slosh mass, heights, wave and inertia
 NO_MASS = 1e-9  # of the liquid: a mode that does not push the tank has no height
@@ -56,7 +56,7 @@ def _solved(mesh: SectionMesh, modes: int) -> Potentials:
     raise OutsideValidity("the liquid's section cannot be meshed: its wall bends too sharply")
 
 
-def _worst(indicator: Array) -> Array:
+def _worst(indicator: Array) -> IntArray:
     """Return the triangles that hold most of the indicated error."""
     order = np.argsort(indicator)[::-1]
     total = np.cumsum(indicator[order])

@@ -73,7 +73,9 @@ class FillHistory:
         missing = [k for k, row in enumerate(self.rows) if row is None]
         lines = [f"{self.tank.name}: {len(self.rows)} fills, {len(missing)} without slosh masses"]
         lines += [f"  - row {k + 1}: {self.reason[k]}" for k in missing[:5]]
-        lines.append(f"  {'time s':>9s} {'full':>8s} {'depth m':>9s} {'Hz':>8s} {'mass kg':>10s} {'spring m':>9s} {'error':>7s}")
+        lines.append(
+            f"  {'time s':>9s} {'full':>8s} {'depth m':>9s} {'Hz':>8s} {'mass kg':>10s} {'spring m':>9s} {'error':>7s}"
+        )
         there = [k for k in range(len(self.rows)) if k not in missing]
         shown = there if len(there) <= 12 else [there[k] for k in np.linspace(0, len(there) - 1, 12).astype(int)]
         for k in shown:
@@ -89,7 +91,7 @@ class FillHistory:
         return "\n".join(lines)
 
     def to_json(self) -> str:
-        """Return one JSON object in SI units: the points in order, each as `SloshModes.to_dict` or null with a reason."""
+        """Return one JSON object in SI units: each point as `SloshModes.to_dict`, or null with a reason."""
         times = [None] * len(self.rows) if self.time is None else self.time.tolist()
         points = [
             {"time": t, "acceleration": float(a), "reason": reason, "tank": None if row is None else row.to_dict()}

@@ -6,7 +6,7 @@ import numpy as np
 
 from sloshpy.tank.pieces import Line, Piece, doubt, moments, reach
 from sloshpy.tank.shapes import Shape
-from sloshpy.units import Array
+from sloshpy.units import Array, Real
 
 WALL, AXIS, SURFACE = "wall", "axis", "surface"
 
@@ -20,14 +20,14 @@ class Part:
     end: float
     kind: str
 
-    def point(self, f: Array) -> Array:
+    def point(self, f: Real) -> Array:
         """Return (r, z), shape (2, ...), at shares f of the way."""
         f = np.asarray(f)
         return self.piece.point(self.start * (1.0 - f) + self.end * f)
 
     def tangent(self, f: float) -> Array:
         """Return the direction of travel at a share f of the way, (r, z), of length 1."""
-        way = self.piece.tangent(np.asarray(self.start * (1.0 - f) + self.end * f)) * np.sign(self.end - self.start)
+        way = self.piece.tangent(self.start * (1.0 - f) + self.end * f) * np.sign(self.end - self.start)
         return np.asarray(way / np.hypot(*way))
 
 

@@ -54,7 +54,7 @@ class SectionMesh:
         """Facets on the free surface."""
         facets = self.mesh.boundary_facets()
         first, last = self.between(*self.mesh.facets[:, facets])
-        here = [k for k, part in enumerate(self.section.boundary) if part.kind == SURFACE][0]
+        here = next(k for k, part in enumerate(self.section.boundary) if part.kind == SURFACE)
         return np.asarray(facets[np.floor(0.5 * (first + last)) == here])
 
     def refined(self, marked: IntArray) -> "SectionMesh":
@@ -120,7 +120,7 @@ def _triangles(section: LiquidSection, scale: float, place: Array) -> SectionMes
     from scipy.spatial import Delaunay, QhullError  # 0.2 s, and scikit-fem 0.8 s: only where a shape needs them
     from skfem import MeshTri
 
-    empty = SectionMesh(section=section, scale=scale, mesh=None, place=place)  # type: ignore[arg-type]
+    empty = SectionMesh(section=section, scale=scale, mesh=None, place=place)
     edge = empty.point(place)
     after = np.roll(np.arange(len(place)), -1)
     inside = _inside(edge, after)

@@ -10,9 +10,9 @@ class Modal:
     """The lateral motion of a liquid with free surface, by its modes, and with a lid.
 
     Of each mode, (n,): kappa = w^2/a in 1/m; slosh mass over density in m^3; height of the spring-mass above the lowest
-    point in m, nan where there is no mass; wave height at the outer wall over displacement of the slosh mass; error: estimated relative error.
-    lid_volume: effective inertia under a rigid lid about the c.g. over density, m^5. radius (k,) and shape (n, k): the
-    surface along a radius in m, 1 at the outer wall.
+    point in m, nan where there is no mass; wave height at the outer wall over displacement of the slosh mass; error:
+    estimated, relative. lid_volume: effective inertia under a rigid lid about the c.g. over density, m^5. radius (k,)
+    and shape (n, k): the surface along a radius in m, 1 at the outer wall.
     """
 
     kappa: Array

@@ -1,4 +1,4 @@
-"""Pieces of a tank's section: straight lines, arcs of ellipses and curves through points, each from its lower end up."""
+"""Pieces of a tank's section: straight lines, arcs of ellipses, curves through points; each from its lower end up."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from sloshpy.units import Array
+from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicSpline
@@ -26,10 +26,10 @@ class Piece(Protocol):
     def straight(self) -> bool:
         """Whether the piece is a straight line."""
 
-    def point(self, s: Array) -> Array:
+    def point(self, s: Real) -> Array:
         """Return r and z, shape (2, ...), at s of any shape."""
 
-    def tangent(self, s: Array) -> Array:
+    def tangent(self, s: Real) -> Array:
         """Return dr/ds and dz/ds, shape (2, ...), at s of any shape."""
 
 
@@ -48,11 +48,11 @@ class Line:
     def straight(self) -> bool:
         return True
 
-    def point(self, s: Array) -> Array:
+    def point(self, s: Real) -> Array:
         s = np.asarray(s)  # in this form both ends come out exactly
         return np.stack([a * (1.0 - s) + b * s for a, b in zip(self.start, self.end, strict=True)])
 
-    def tangent(self, s: Array) -> Array:
+    def tangent(self, s: Real) -> Array:
         return np.stack([np.full(np.shape(s), b - a) for a, b in zip(self.start, self.end, strict=True)])
 
 
@@ -72,13 +72,13 @@ class Arc:
     def straight(self) -> bool:
         return False
 
-    def point(self, s: Array) -> Array:
+    def point(self, s: Real) -> Array:
         (r_c, z_c), (A, B), (t_0, t_1) = self.centre, self.axes, self.t
         t = t_0 + np.asarray(s) * (t_1 - t_0)
         # 2 sin^2(t/2) = 1 - cos t keeps the lowest point at the lowest height exactly
         return np.stack([r_c + A * np.sin(t), (z_c - B) + 2.0 * B * np.sin(0.5 * t) ** 2])
 
-    def tangent(self, s: Array) -> Array:
+    def tangent(self, s: Real) -> Array:
         (A, B), (t_0, t_1) = self.axes, self.t
         t = t_0 + np.asarray(s) * (t_1 - t_0)
         return (t_1 - t_0) * np.stack([A * np.cos(t), B * np.sin(t)])
@@ -96,10 +96,10 @@ class Curve:
     def straight(self) -> bool:
         return False
 
-    def point(self, s: Array) -> Array:
+    def point(self, s: Real) -> Array:
         return np.moveaxis(np.asarray(self.spline(np.asarray(s)), dtype=float), -1, 0)
 
-    def tangent(self, s: Array) -> Array:
+    def tangent(self, s: Real) -> Array:
         return np.moveaxis(np.asarray(self.spline(np.asarray(s), 1), dtype=float), -1, 0)
 
 
@@ -118,11 +118,11 @@ class Polygon:
     def straight(self) -> bool:
         return False
 
-    def point(self, s: Array) -> Array:
+    def point(self, s: Real) -> Array:
         return np.stack([np.interp(s, self.length, self.points[:, k]) for k in range(2)])
 
-    def tangent(self, s: Array) -> Array:
-        k = np.clip(np.searchsorted(self.length, s, side="right") - 1, 0, len(self.length) - 2)
+    def tangent(self, s: Real) -> Array:
+        k = np.clip(np.searchsorted(self.length, np.asarray(s), side="right") - 1, 0, len(self.length) - 2)
         slope = np.diff(self.points, axis=0) / np.diff(self.length)[:, None]
         return np.moveaxis(slope[k], -1, 0)
 
@@ -190,7 +190,7 @@ def reach(piece: Piece, height: float) -> float:
         middle = 0.5 * (low + high)
         if middle in (low, high):
             return low
-        if float(piece.point(np.asarray(middle))[1]) <= height:
+        if float(piece.point(middle)[1]) <= height:
             low = middle
         else:
             high = middle

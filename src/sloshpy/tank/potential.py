@@ -41,6 +41,30 @@ class Potentials:
     surface_shape: Array
 
 
+def _energy(u: Any, v: Any, w: Any) -> Any:
+    """r (psi_r v_r + psi_z v_z) + psi v / r for psi = r u."""
+    r = w.x[0]
+    return r * ((u + r * u.grad[0]) * (v + r * v.grad[0]) + r**2 * u.grad[1] * v.grad[1] + u * v)
+
+
+def _height(u: Any, v: Any, w: Any) -> Any:
+    return w.x[0] ** 3 * u * v
+
+
+def _moment(v: Any, w: Any) -> Any:
+    return w.x[0] ** 3 * v
+
+
+def _lift(v: Any, w: Any) -> Any:
+    return w.x[0] ** 3 * v.grad[1]
+
+
+def _turning(v: Any, w: Any) -> Any:
+    """The wall turning about a centre: its velocity (z, 0, -x) has no divergence, so the work is a volume integral."""
+    r, z = w.x[0], w.x[1] - w.centre
+    return r * (z * (2.0 * v + r * v.grad[0]) - r**2 * v.grad[1])
+
+
 def potentials(mesh: SectionMesh, modes: int, centre: float) -> Potentials:
     """Solve for the first slosh modes and for the tank turning about a centre, in units of the mesh's scale."""
     from scipy.linalg import cholesky
@@ -50,31 +74,9 @@ def potentials(mesh: SectionMesh, modes: int, centre: float) -> Potentials:
     basis = _curved_basis(mesh)
     top = FacetBasis(mesh.mesh, ElementTriP4(), facets=mesh.surface, intorder=_ORDER + 1)
 
-    @BilinearForm
-    def energy(u: Any, v: Any, w: Any) -> Any:
-        r = w.x[0]
-        return r * ((u + r * u.grad[0]) * (v + r * v.grad[0]) + r**2 * u.grad[1] * v.grad[1] + u * v)
-
-    @BilinearForm
-    def height(u: Any, v: Any, w: Any) -> Any:
-        return w.x[0] ** 3 * u * v
-
-    @LinearForm
-    def moment(v: Any, w: Any) -> Any:
-        return w.x[0] ** 3 * v
-
-    @LinearForm
-    def lift(v: Any, w: Any) -> Any:
-        return w.x[0] ** 3 * v.grad[1]
-
-    @LinearForm
-    def turning(v: Any, w: Any) -> Any:
-        r, z = w.x[0], w.x[1] - centre
-        return r * (z * (2.0 * v + r * v.grad[0]) - r**2 * v.grad[1])
-
-    K = energy.assemble(basis).tocsc()
-    M, b = height.assemble(top), moment.assemble(top)
-    c, load = lift.assemble(basis), turning.assemble(basis)
+    K = BilinearForm(_energy).assemble(basis).tocsc()
+    M, b = BilinearForm(_height).assemble(top), LinearForm(_moment).assemble(top)
+    c, load = LinearForm(_lift).assemble(basis), LinearForm(_turning).assemble(basis, centre=centre)
     s = np.unique(top.get_dofs(mesh.surface).all())
     if len(s) < 3 * modes:
         raise TooCoarseError(mesh.mesh.f2t[0, mesh.surface])
@@ -167,7 +169,7 @@ def _on_the_wall(mesh: SectionMesh, straight: "CellBasis") -> Array:
     number = np.floor(0.5 * (first + last))
     place = np.clip(first + f * (last - first), number, number + 1.0 - 1e-15)
     off = mesh.point(place) - (p_a[:, None] * (1.0 - f) + p_b[:, None] * f)  # (2, 3, n)
-    shift = np.zeros_like(straight.doflocs)
+    shift: Array = np.zeros_like(straight.doflocs)
     shift[:, nodes] = off
     triangle = mesh.mesh.f2t[0, facets]
     corners = mesh.mesh.t[:, triangle]
@@ -176,10 +178,15 @@ def _on_the_wall(mesh: SectionMesh, straight: "CellBasis") -> Array:
         both = weights[i] + weights[j]
         t = weights[j] / both
         # the quartic through the five nodes of the edge, whose ends stay
-        along = np.stack([t * (1 - t) * (t - y) * (t - x) / (v * (1 - v) * (v - y) * (v - x)) for v, x, y in
-                          ((0.25, 0.5, 0.75), (0.5, 0.25, 0.75), (0.75, 0.25, 0.5))])
+        along = np.stack(
+            [
+                t * (1 - t) * (t - y) * (t - x) / (v * (1 - v) * (v - y) * (v - x))
+                for v, x, y in ((0.25, 0.5, 0.75), (0.5, 0.25, 0.75), (0.75, 0.25, 0.5))
+            ]
+        )
         inner = straight.dofs.interior_dofs[k, triangle]
-        np.add.at(shift, (slice(None), inner), np.einsum("kn,dkn->dn", along, off) * both**2)
+        for d in range(2):
+            np.add.at(shift[d], inner, np.einsum("kn,dkn->dn", along, off)[d] * both**2)
     return shift
 
 

@@ -110,9 +110,7 @@ class Cone(Shape):
     """A cone, apex down."""
 
     kind: Literal["cone"] = "cone"
-    half_angle: Annotated[
-        float, Quantity("rad", "alpha", "angle between axis and wall", above=0.0, below=0.5 * np.pi)
-    ]
+    half_angle: Annotated[float, Quantity("rad", "alpha", "angle between axis and wall", above=0.0, below=0.5 * np.pi)]
     height: Annotated[float, _HEIGHT]
 
     @property

@@ -25,11 +25,13 @@ class SloshModes:
     """The slosh masses of a tank, its fixed mass and its rigid-lid inertia. Heights are above the lowest point, in m.
 
     Of each mode, (n,): kappa = w^2/a, 1/m; frequency, rad/s; slosh_mass, kg; spring_height: of the spring-mass, the one
-    the plant's equations want, nan for a mode without mass; wave_per_displacement: wave height at the outer wall per slosh-mass displacement;
-    error_estimate: relative, the worst of these numbers. fixed_mass, kg, fixed_mass_height and fixed_mass_inertia,
-    kg m^2, complete liquid mass, c.g. and rigid-lid inertia; the fixed inertia may be negative. rigid_lid_inertia: of
-    the liquid about its c.g. with the surface closed by a lid, kg m^2. next_mass: of the first mode left out, kg.
-    surface_radius, (k,), m, and surface_shape, (n, k): the modes along a radius of the surface, 1 at the wall.
+    the plant's equations want, nan for a mode without mass; wave_per_displacement: wave height at the outer wall per
+    slosh-mass displacement; error_estimate: relative, the worst of these numbers, the height's against the surface's
+    radius; height and wave of a mode with less than a thousandth of the liquid count by their mass.
+    fixed_mass, kg, fixed_mass_height and fixed_mass_inertia, kg m^2, complete liquid mass, c.g. and rigid-lid inertia;
+    the fixed inertia may be negative. rigid_lid_inertia: of the liquid about its c.g. with the surface closed by a lid,
+    kg m^2. next_mass: of the first mode left out, kg. surface_radius, (k,), m, and surface_shape, (n, k): the modes
+    along a radius of the surface, 1 at the wall.
     """
 
     tank: Tank
@@ -82,7 +84,9 @@ class SloshModes:
         found = []
         if self.next_mass > _NOTICED * self.liquid_mass:
             share = 100.0 * self.next_mass / self.liquid_mass
-            found.append(f"mode {len(self.kappa) + 1} holds {share:.3g} % of the liquid and is left out: ask for more modes")
+            found.append(
+                f"mode {len(self.kappa) + 1} holds {share:.3g} % of the liquid and is left out: ask for more modes"
+            )
         if np.max(self.error_estimate) > TOLERANCE:
             found.append(f"numbers are good to {np.max(self.error_estimate):.1e} only, {TOLERANCE:.0e} was wanted")
         return tuple(found)
@@ -109,7 +113,8 @@ class SloshModes:
             f"  liquid {self.liquid_mass:.6g} kg, c.g. {s.cg_height:.6g} m above the lowest point; "
             f"rigid-lid inertia {self.rigid_lid_inertia:.6g} kg m^2",
             f"  {'mode':>4s} {'Hz':>9s} {'rad/s':>9s} {'mass kg':>11s} {'of liquid':>9s} {'spring m':>10s} "
-            f"{'hinge m':>10s} {'length m':>10s} {'wave m/m':>9s} {'error':>8s}" + ("  station m" if self.station is not None else ""),
+            f"{'hinge m':>10s} {'length m':>10s} {'wave m/m':>9s} {'error':>8s}"
+            + ("  station m" if self.station is not None else ""),
         ]
         for n in range(len(self.kappa)):
             station = "" if self.station is None else f" {self.station[n]:10.5f}"
@@ -120,10 +125,9 @@ class SloshModes:
                 f"{self.error_estimate[n]:8.0e}{station}"
             )
         lines += [
-            f"  fixed {self.fixed_mass:.6g} kg at {self.fixed_mass_height:.6g} m, inertia {self.fixed_mass_inertia:.6g} "
-            "kg m^2 about itself",
-            "  spring: place of the spring-mass, which the plant wants; hinge: of the equal pendulum. "
-            f"({self.method})",
+            f"  fixed {self.fixed_mass:.6g} kg at {self.fixed_mass_height:.6g} m, "
+            f"inertia {self.fixed_mass_inertia:.6g} kg m^2 about itself",
+            f"  spring: place of the spring-mass, which the plant wants; hinge: of the equal pendulum. ({self.method})",
         ]
         return "\n".join(lines)
 

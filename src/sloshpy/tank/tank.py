@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any, Self
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
 from sloshpy.tank.liquid import LiquidSection, depth_of_volume, liquid_section, moments_below
@@ -111,7 +110,7 @@ class Tank(BaseModel):
     @property
     def height(self) -> float:
         """Height of the tank's top, m."""
-        return float(self.shape.outer[-1].point(np.asarray(1.0))[1])
+        return float(self.shape.outer[-1].point(1.0)[1])
 
     @property
     def volume(self) -> float:
