@@ -4,6 +4,8 @@ The public names, in reading order; each is loaded when it is first used.
 
     nouns        Case, Vehicle, SloshMass, FlexibleMode, Engine, Aerodynamics, Autopilot, Actuator, Filter, Criteria
     damping      ConstantDamping, PowerDamping, TableDamping, SumDamping
+    tanks        Tank, slosh_masses, slosh_masses_history; shapes: Cylinder, Capsule, Sphere, Spheroid, Cone, Annulus,
+                 Toroid, Contour; read_tank, read_fill_table, write_fill_history, plot_tank, plot_fill_history
     files        read_case, write_case, case_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
@@ -30,9 +32,25 @@ _ROOMS = {
     "batch": ("for_each", "Answers"),
     "vehicle": ("Vehicle", "SloshMass", "FlexibleMode", "ModeShape", "ModeSlope", "Engine", "Aerodynamics"),
     "autopilot": ("Autopilot", "Actuator", "Filter"),
+    "tank": (
+        "Tank",
+        "slosh_masses",
+        "slosh_masses_history",
+        "Cylinder",
+        "Capsule",
+        "Sphere",
+        "Spheroid",
+        "Cone",
+        "Annulus",
+        "Toroid",
+        "Contour",
+    ),
     "damping": ("ConstantDamping", "PowerDamping", "TableDamping", "SumDamping"),
     "files": (
         "read_case",
+        "read_tank",
+        "read_fill_table",
+        "write_fill_history",
         "write_case",
         "case_schema",
         "write_example",
@@ -85,11 +103,13 @@ _ROOMS = {
         "plot_danger_zone",
         "plot_danger_zones",
         "plot_degradation_map",
+        "plot_fill_history",
         "plot_growth",
         "plot_limit_cycle",
         "plot_mode_tracks",
         "plot_nichols",
         "plot_root_locus",
+        "plot_tank",
         "plot_time_history",
         "plot_tvc_gain",
         "save_figure",

@@ -304,6 +304,7 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
     heavy = float(case.vehicle.mass_matrix_margin)
     if heavy < HEAVY_SLOSH:
         all_.cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
+    all_.cautions.extend(case.source.notes if case.source is not None else ())
     for mass in case.vehicle.tanks:
         if mass.damping.smallest_amplitude > 0.0:
             all_.cautions.append(

@@ -51,6 +51,7 @@ class Source(BaseModel):
     file: str
     sha256: str
     given: dict[str, str]  # "vehicle.mass" -> "16000 kg"
+    notes: tuple[str, ...] = ()  # what was done with it that a reader should know
 
 
 class Case(BaseModel):

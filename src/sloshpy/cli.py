@@ -18,7 +18,16 @@ from sloshpy.assess import Assessment, assess
 from sloshpy.case import Case
 from sloshpy.dynamics import closed_loop_poles, open_loop
 from sloshpy.errors import InputError, OutsideValidity, Problem
-from sloshpy.files import case_schema, example_names, read_case, write_example
+from sloshpy.files import (
+    case_schema,
+    example_names,
+    example_tank_names,
+    read_case,
+    read_fill_table,
+    read_tank,
+    write_example,
+    write_fill_history,
+)
 from sloshpy.limit_cycle import (
     LimitCycle,
     degradation_map,
@@ -38,6 +47,7 @@ from sloshpy.stability import (
     required_damping_map,
     root_locus,
 )
+from sloshpy.tank import slosh_masses, slosh_masses_history
 from sloshpy.units import Array, UnitError, parse
 
 app = cyclopts.App(
@@ -306,12 +316,48 @@ def verify_command(case: CaseFile) -> int:
     return 0 if all(one.predicted is not None for one in found) else 1
 
 
+@app.command(name="tank")
+def tank_command(
+    file: Annotated[Path, Parameter(help="tank file (TOML)")],
+    *,
+    json: Annotated[
+        bool, Parameter(negative="", help="print one JSON object in SI units; no figure unless named")
+    ] = False,
+    history: Annotated[
+        Path | None, Parameter(help="CSV with fill [%] or depth [m], and acceleration and time where they change")
+    ] = None,
+    table: Annotated[Path | None, Parameter(help="where the history's table goes: .csv, .xlsx or .nc")] = None,
+    output: Output = None,
+) -> int:
+    """Print the slosh masses of a tank from its shape and fill, and draw its section (fig 1)."""
+    read = read_tank(file)
+    path = None if json and output is None else _figure(file, output, "tank" if history is None else "history")
+    if table is not None:
+        if history is None:
+            raise _refused("--table", table, "needs --history", "name the CSV of the fills")
+        _writable(file, table, {".csv", ".xlsx", ".nc"})
+    if history is None:
+        found = slosh_masses(read)
+        print(found.to_json() if json else found)
+        return _drawn("plot_tank", found, path, quiet=json)
+    rows = read_fill_table(history)
+    course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)
+    print(course.to_json() if json else course)
+    if table is not None:
+        write_fill_history(course, table)
+        if not json:
+            print(f"table: {table}")
+    return _drawn("plot_fill_history", course, path, quiet=json)
+
+
 @app.command
 def validate(case: CaseFile) -> int:
     """Check a case file and say what was read."""
     read = read_case(case)
     tanks = ", ".join(tank.name for tank in read.vehicle.tanks)
     print(f"{case}: valid. {read.name}; tanks: {tanks}")
+    for note in read.source.notes if read.source is not None else ():
+        print(f"  - {note}")
     return 0
 
 
@@ -324,8 +370,9 @@ def schema() -> int:
 
 @app.command
 def example(name: Annotated[str, Parameter(help="name of a shipped example")] = "") -> int:
-    """Write a shipped example case to the current folder; without a name, list them."""
-    print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(example_names()))
+    """Write a shipped example case or tank to the current folder; without a name, list them."""
+    listed = [*example_names(), *example_tank_names()]
+    print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(listed))
     return 0
 
 
@@ -391,6 +438,17 @@ def _save(axes: Any, path: Path) -> int:
 
     plots.save_figure(axes, path)
     print(f"figure: {path}")
+    return 0
+
+
+def _drawn(plot: str, result: Any, path: Path | None, quiet: bool) -> int:
+    if path is None:
+        return 0
+    from sloshpy import plots  # as above
+
+    plots.save_figure(getattr(plots, plot)(result), path)
+    if not quiet:
+        print(f"figure: {path}")
     return 0
 
 

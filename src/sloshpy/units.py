@@ -53,6 +53,8 @@ _EXAMPLES = {
     "rad/(m/s^2)": '"0.004 rad/(m/s^2)" or "0.2 deg/(m/s^2)"',
     "rad/m": '"0.0002 rad/m" or "0.01 deg/m"',
     "rad/(m/s)": '"0.002 rad/(m/s)" or "0.1 deg/(m/s)"',
+    "kg/m^3": '"1141 kg/m^3" or "71.2 lbm/ft^3"',
+    "m^2/s": '"1.7e-7 m^2/s" or "0.17 cSt"',
     "dB": '"6 dB"',
     "1": '0.048 or "4.8 %"',
 }
@@ -71,6 +73,8 @@ _KINDS = {
     "1/m": "a ratio per length",
     "s/m": "an angle per speed",
     "s^2/m": "an angle per acceleration",
+    "kg/m^3": "a density",
+    "m^2/s": "a kinematic viscosity",
     "dimensionless": "a plain number or an angle",
 }
 

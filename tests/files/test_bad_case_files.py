@@ -108,7 +108,7 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "mode named as a tank": ("[criteria]", f"{MODE}{SHAPE.format('LH2')}".replace('name = "x"', 'name = "lox"') + "[criteria]", (38, 'flexible_mode "lox" name', '"lox"', "is the name of a tank or of another mode too", "rename one")),
     "engine heavier than the vehicle": ("[criteria]", '[engine]\nfirst_moment = "15000 kg*m"\ninertia = "2500 kg*m^2"\n[criteria]', (38, "engine first_moment", '"15000 kg*m"', "squared over the inertia is more than the vehicle's mass", "both are about the gimbal: inertia is at least first_moment^2 / mass of the engines")),
     "air without a speed": ("[criteria]", '[aerodynamics]\nnormal_force_slope = "2e5 N"\ncenter_of_pressure = "12 m"\n[criteria]', (37, "aerodynamics speed", "", "is missing", 'add speed = "400 m/s"')),
-    "tank file": ('station = "9 m"', 'station = "9 m"\ntank_file = "lox.toml"', (13, 'tank "LOX" tank_file', '"lox.toml"', "this version does not model tanks from their shape", "give slosh_mass, station and frequency")),
+    "tank file": ('station = "9 m"', 'station = "9 m"\ntank_file = "lox.toml"', (13, 'tank "LOX" tank_file', '"lox.toml"', "stands beside slosh_mass", "give the slosh mass either here or by the tank file")),
     # laws of damping
     "unknown law": ('"constant"', '"constnat"', (23, 'tank "LH2" damping law', '"constnat"', "is not a law of damping", 'did you mean "constant"?')),
     "no law": ('law = "constant"\n', "", (22, 'tank "LH2" damping law', "", "is missing", 'name the law of damping: "constant", "power", "table" or "sum"')),

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 import tomllib
 from pathlib import Path as FilePath
 from typing import Any
@@ -11,12 +10,12 @@ from pydantic import ValidationError
 
 from sloshpy.case import Case, Source
 from sloshpy.errors import InputError, Problem
-from sloshpy.files.places import Path, Place, Places, find_places
+from sloshpy.files.places import Path, Places, find_places
 from sloshpy.files.tables import as_written, read_damping_table
+from sloshpy.files.tank_in_case import read_tank_files
 from sloshpy.files.text_file import beside, read_text
+from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
 from sloshpy.files.wording import OF_THE_VEHICLE, keys_at, nearest, problem_of, step_into, value_at, words_of
-
-Found = list[tuple[Path, Problem]]
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:
@@ -34,56 +33,18 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     raw, text = read_text(path, "case file")
     file = os.fspath(path)
     places = find_places(text)
-    document = _parse(text, file, places)
+    document = parse_toml(text, file, places)
     given = _given(document, places)
     found = _unsupported(document, places)
-    found += _read_tables(document, FilePath(file).parent, places, given)
+    of_tanks, notes = read_tank_files(document, FilePath(file).parent, places, given)
+    found += of_tanks + _read_tables(document, FilePath(file).parent, places, given)
     case, faults = _validate(document, places)
-    found = _once(found + faults)
+    found = once(found + faults)
     if found or case is None:
-        raise InputError(*_in_file_order(found, file, places))
+        raise InputError(*in_file_order(found, file, places))
     digest = hashlib.sha256(raw).hexdigest()
-    return case.model_copy(update={"source": Source(file=FilePath(file).name, sha256=digest, given=given)})
-
-
-def _parse(text: str, file: str, places: Places) -> dict[str, Any]:
-    """Return the text as plain values; a key that stands there twice is reported with both lines."""
-    try:
-        return tomllib.loads(text)
-    except RecursionError:
-        raise InputError(
-            Problem(
-                key="case file", value="", rule="is nested too deeply", cure="a case nests six deep at most", file=file
-            )
-        ) from None
-    except ValueError as error:  # of TOML, or an integer of thousands of digits
-        problems = [
-            Problem(
-                key=words_of(key, {}),
-                value=" ".join(second.text.split())[:80],
-                rule=f"is given twice, first in line {first.line}",
-                cure="keep one of the two",
-                file=file,
-                line=second.line,
-            )
-            for key, first, second in places.twice
-        ]
-        found = re.search(r"\(at line (\d+), column (\d+)\)|\(at end of document\)", str(error))
-        line = int(found.group(1)) if found and found.group(1) else text.rstrip("\n").count("\n") + 1
-        if problems and (problems[0].line or 0) <= line:
-            raise InputError(*problems) from None
-        what = re.sub(r" *\(at .*\)$", "", str(error))
-        shown = text.split("\n")[line - 1].strip()[:80]
-        raise InputError(
-            Problem(
-                key="TOML syntax",
-                value=shown,
-                rule=what[:1].lower() + what[1:],
-                cure='write key = value, with texts and quantities in quotation marks, as in mass = "16000 kg"',
-                file=file,
-                line=line,
-            )
-        ) from None
+    source = Source(file=FilePath(file).name, sha256=digest, given=given, notes=tuple(notes))
+    return case.model_copy(update={"source": source})
 
 
 def _unsupported(document: dict[str, Any], places: Places) -> Found:
@@ -103,14 +64,6 @@ def _unsupported(document: dict[str, Any], places: Places) -> Found:
             refuse(("vehicle", field), "is an unknown key", f"write it under its own header {header}")
             del vehicle[field]
     tanks = document.get("tank", [])
-    for j, tank in enumerate(tanks if isinstance(tanks, list) else []):
-        if isinstance(tank, dict) and "tank_file" in tank:
-            refuse(
-                ("tank", j, "tank_file"),
-                "this version does not model tanks from their shape",
-                "give slosh_mass, station and frequency",
-            )
-            del tank["tank_file"]
     if tanks == []:
         refuse(("tank",), "no slosh mass to assess", "add a tank under the header [[tank]]")
         document.pop("tank", None)
@@ -201,22 +154,6 @@ def _other_tank(path: Path, problem: Problem, document: dict[str, Any], places: 
         rule=f"is the name of the tank in line {first.line} too",
         cure="rename one",
     )
-
-
-def _once(found: Found) -> Found:
-    kept: Found = []
-    for fault in found:
-        if fault not in kept:
-            kept.append(fault)
-    return kept
-
-
-def _in_file_order(found: Found, file: str, places: Places) -> list[Problem]:
-    """Return the problems with their places, first line first; a table's problems stand where the table is named."""
-    nowhere = Place(line=1)
-    placed = [((places.near(path) or nowhere).line, problem) for path, problem in found]
-    placed.sort(key=lambda pair: pair[0])
-    return [problem if problem.file else problem.at(file, line) for line, problem in placed]
 
 
 def _given(document: dict[str, Any], places: Places) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The shipped example cases, copied to where the user works."""
+"""The shipped example cases and tanks, copied to where the user works."""
 
 import os
 from importlib.resources import files
@@ -15,13 +15,20 @@ def example_names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
 
 
+def example_tank_names() -> list[str]:
+    """Return the names of the shipped example tanks."""
+    folder = files("sloshpy") / "data" / "tanks"
+    return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
+
+
 def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
-    """Copy a shipped example case into a folder and return its path.
+    """Copy a shipped example case or tank into a folder and return its path.
 
     Raises:
         InputError: no example of this name, no such folder, or the file is there already.
     """
-    names = example_names()
+    tanks = example_tank_names()
+    names = [*example_names(), *tanks]
     if name not in names:
         raise InputError(
             Problem(key="example", value=name, rule=f"is none of {', '.join(names)}", cure=nearest(name, names))
@@ -35,5 +42,6 @@ def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
         raise InputError(
             Problem(key="example", value=str(target), rule="is there already", cure="remove it or name another folder")
         )
-    write_whole(target, (files("sloshpy") / "data" / target.name).read_bytes())
+    data = files("sloshpy") / "data"
+    write_whole(target, ((data / "tanks" if name in tanks else data) / target.name).read_bytes())
     return target

@@ -22,11 +22,10 @@ def case_schema() -> Schema:
     tanks = parts.pop("tank")
     keys |= parts
     keys["vehicle"]["required"] = ["mass", "inertia", "cg", "thrust"]
-    spring, pendulum = {"required": ["station", "frequency"]}, {"required": ["hinge_station", "pendulum_length"]}
-    tanks["items"]["oneOf"] = [spring, pendulum]
     keys["tank"] = tanks | {"minItems": 1}
     whole, fraction = {"required": ["frequency", "damping"]}, {"required": ["numerator", "denominator"]}
     keys["autopilot"]["properties"]["actuator"]["oneOf"] = [whole, fraction]
+    _or_a_tank_file(tanks["items"])
     for key, default in _criteria_defaults().items():
         keys["criteria"]["properties"][key]["default"] = default
     laws = tanks["items"]["properties"]["damping"]["oneOf"]
@@ -85,6 +84,18 @@ def _as_in_a_file(law: Schema) -> None:
             "description": "CSV file beside the case file, in place of amplitude and ratio; "
             "header: amplitude [m], ratio [%]",
         }
+
+
+def _or_a_tank_file(tank: Schema) -> None:
+    """Let a tank be a spring-mass, a pendulum, or name a tank file, in place."""
+    spring, pendulum = ["slosh_mass", "station", "frequency"], ["slosh_mass", "hinge_station", "pendulum_length"]
+    tank["required"] = [key for key in tank["required"] if key not in spring]
+    tank["oneOf"] = [{"required": keys} for keys in (spring, pendulum, ["tank_file"])]
+    tank["properties"]["tank_file"] = {
+        "type": "string",
+        "description": "tank file beside the case file, in place of slosh_mass, station and frequency",
+    }
+    tank["properties"]["mode"] = {"type": "number", "description": "which slosh mass of the tank file; default 1"}
 
 
 def _criteria_defaults() -> Schema:

@@ -1,4 +1,4 @@
-"""Tables of damping against amplitude, as tests and computations deliver them: strict CSV, one number grammar."""
+"""Tables of numbers, as tests and computations deliver them: strict CSV, units in the header, one number grammar."""
 
 import csv
 import math
@@ -16,11 +16,24 @@ from sloshpy.units import Array, UnitError, parse
 
 _HEADER = re.compile(r"\s*([A-Za-z_]+)\s*(?:\[([^\[\]]*)\])?\s*")
 _COMMENT = re.compile(r"#(?!N/A|DIV/0!|VALUE!|REF!|NUM!|NAME\?|NULL!)")  # those are cells that a spreadsheet gave up
-_COLUMNS = {"amplitude": "m", "ratio": "1"}
-_HEADER_CURE = 'write the header "amplitude [m], ratio [%]"'
 _MOST_PROBLEMS = 50
 _SHOWN = 80  # characters of a row or cell in a message
-_MOST_ROWS = 10_000  # a law of damping bends a few times, not ten thousand times
+_MOST_ROWS = 10_000  # a law of damping or a wall bends a few times, not ten thousand times
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What a table of this kind holds: its columns with their SI units, and which may be missing or end early."""
+
+    what: str
+    columns: dict[str, str]
+    cure: str
+    optional: frozenset[str] = frozenset()
+
+
+DAMPING = Kind(
+    what="damping table", columns={"amplitude": "m", "ratio": "1"}, cure='write the header "amplitude [m], ratio [%]"'
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +50,7 @@ class _Column:
 
     name: str
     unit: str
+    si: str
 
 
 def read_damping_table(path: str | os.PathLike[str]) -> tuple[Array, Array]:
@@ -56,38 +70,44 @@ def read_damping_table(path: str | os.PathLike[str]) -> tuple[Array, Array]:
         InputError: with every fault of the table, each with its line.
     """
     name = os.fspath(path)
-    _, text = read_text(path, "damping table")
-    rows = [_Row(line=k, cells=_cells(line)) for k, line in enumerate(text.split("\n"), 1) if _bare(line)]
-    if not rows:
-        raise InputError(Problem(key="damping table", value="", rule="has no header", cure=_HEADER_CURE, file=name))
-    columns = _columns(rows[0], name)
-    if len(rows) == 1:
-        raise InputError(
-            Problem(
-                key="damping table",
-                value="",
-                rule="has 0 data rows",
-                cure="give at least two",
-                file=name,
-                line=rows[0].line,
-            )
-        )
-    if len(rows) > _MOST_ROWS:
-        rule = f"has {len(rows) - 1} rows, more than {_MOST_ROWS}"
-        raise InputError(Problem(key="damping table", value="", rule=rule, cure="thin it out", file=name, line=1))
-    problems: list[Problem] = []
-    numbers: dict[str, list[float]] = {column.name: [] for column in columns}
-    for row in rows[1:]:
-        problems += _read_row(row, columns, numbers, name)
-        if len(problems) >= _MOST_PROBLEMS:
-            break
-    if problems:
-        raise InputError(*problems)
+    columns, rows, numbers = read_columns(path, DAMPING)
     try:
         law = TableDamping.model_validate(numbers)
     except ValidationError as error:
         raise InputError(*_row_problems(error, rows, columns, name)) from None
     return law.tested_amplitude, law.tested_ratio
+
+
+def read_columns(
+    path: str | os.PathLike[str], kind: Kind
+) -> "tuple[list[_Column], list[_Row], dict[str, list[float]]]":
+    """Read a table and return its columns, its rows, the header first, and the numbers of each column in SI.
+
+    Raises:
+        InputError: with every fault of the table, each with its line.
+    """
+    name = os.fspath(path)
+    _, text = read_text(path, kind.what)
+    rows = [_Row(line=k, cells=_cells(line)) for k, line in enumerate(text.split("\n"), 1) if _bare(line)]
+    if not rows:
+        raise InputError(Problem(key=kind.what, value="", rule="has no header", cure=kind.cure, file=name))
+    columns = _columns(rows[0], name, kind)
+    if len(rows) == 1:
+        few = Problem(key=kind.what, value="", rule="has 0 data rows", cure="give at least two", file=name)
+        raise InputError(few.at(name, rows[0].line))
+    if len(rows) > _MOST_ROWS:
+        rule = f"has {len(rows) - 1} rows, more than {_MOST_ROWS}"
+        raise InputError(Problem(key=kind.what, value="", rule=rule, cure="thin it out", file=name, line=1))
+    problems: list[Problem] = []
+    numbers: dict[str, list[float]] = {column.name: [] for column in columns}
+    ended: set[str] = set()
+    for row in rows[1:]:
+        problems += _read_row(row, columns, numbers, ended, name, kind)
+        if len(problems) >= _MOST_PROBLEMS:
+            break
+    if problems:
+        raise InputError(*problems)
+    return columns, rows, numbers
 
 
 def _bare(line: str) -> str:
@@ -101,10 +121,10 @@ def _cells(line: str) -> list[str]:
         return [line[:_SHOWN]]
 
 
-def _columns(header: _Row, file: str) -> list[_Column]:
+def _columns(header: _Row, file: str, kind: Kind) -> list[_Column]:
     """Return what the header says of each column."""
 
-    def refused(value: str, rule: str, cure: str = _HEADER_CURE) -> InputError:
+    def refused(value: str, rule: str, cure: str = kind.cure) -> InputError:
         return InputError(Problem(key="header", value=value, rule=rule, cure=cure, file=file, line=header.line))
 
     written = ", ".join(header.cells)
@@ -120,20 +140,21 @@ def _columns(header: _Row, file: str) -> list[_Column]:
                 written, "is not a header" if _number(cell) else f'has the column "{cell}", which is no name and unit'
             )
         name, unit = found.group(1), found.group(2)
-        if name not in _COLUMNS:
+        if name not in kind.columns:
             raise refused(written, f'has the unknown column "{name}"')
         if name in [column.name for column in columns]:
             raise refused(written, f'has the column "{name}" twice')
-        if not unit and name == "amplitude":
-            raise refused(written, "has no unit for the amplitude")
+        if not unit and kind.columns[name] != "1":
+            raise refused(written, f"has no unit for the {name}")
         if unit and unit != "1":
             try:
-                parse(f"1 {unit}", _COLUMNS[name])
+                parse(f"1 {unit}", kind.columns[name])
             except UnitError as error:
                 raise refused(written, f"[{unit}] {error.rule}") from None
-        columns.append(_Column(name=name, unit="" if unit in (None, "1") else unit.strip()))
-    for name in _COLUMNS:
-        if name not in [column.name for column in columns]:
+        bare = unit is None or unit == "1"
+        columns.append(_Column(name=name, unit="" if bare else unit.strip(), si=kind.columns[name]))
+    for name in kind.columns:
+        if name not in [*kind.optional, *(column.name for column in columns)]:
             raise refused(written, f'has no column "{name}"')
     return columns
 
@@ -142,15 +163,22 @@ def _number(cell: str) -> bool:
     return cell[:1].isdigit() or cell[:1] in {"-", "+", "."}
 
 
-def _read_row(row: _Row, columns: list[_Column], numbers: dict[str, list[float]], file: str) -> list[Problem]:
-    """Append a row's numbers to its columns; return what is wrong with it."""
+def _read_row(
+    row: _Row, columns: list[_Column], numbers: dict[str, list[float]], ended: set[str], file: str, kind: Kind
+) -> list[Problem]:
+    """Append a row's numbers to its columns; return what is wrong with it. An optional column may end before others."""
     if len(row.cells) != len(columns):
         rule = f"has {len(row.cells)} cells where the header has {len(columns)}"
         cure = "separate cells by commas, write decimal points, and fill every cell"
         return [Problem(key="row", value=", ".join(row.cells)[:_SHOWN], rule=rule, cure=cure, file=file, line=row.line)]
     problems = []
     for column, cell in zip(columns, row.cells, strict=True):
+        if not cell and column.name in kind.optional:
+            ended.add(column.name)
+            continue
         try:
+            if column.name in ended:
+                raise UnitError("follows a blank cell", "leave blank cells at the end of the column only")
             numbers[column.name].append(_read_cell(cell, column))
         except UnitError as error:
             key = f"column {column.name}"
@@ -172,7 +200,7 @@ def _read_cell(cell: str, column: _Column) -> float:
         raise UnitError(error.rule, error.cure if "Fortran" in error.rule else cure) from None
     if re.search(r"[^\d.eE+-]", cell):
         raise UnitError("has a unit in the cell", "write the unit into the header only")
-    value = parse(f"{cell} {column.unit}", _COLUMNS[column.name]) if column.unit else bare
+    value = parse(f"{cell} {column.unit}", column.si) if column.unit else bare
     if not math.isfinite(value):
         raise UnitError("must be finite", cure)
     return value

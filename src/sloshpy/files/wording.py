@@ -48,7 +48,7 @@ OF_THE_VEHICLE = {
     "aerodynamics": "aerodynamics",
 }
 _NOT_IN_A_FILE: dict[Path, set[str]] = {(): {"source"}, ("vehicle",): set(OF_THE_VEHICLE.values())}
-_IN_A_FILE_TOO: dict[Path, set[str]] = {(): set(OF_THE_VEHICLE)}
+_IN_A_FILE_TOO: dict[Path, set[str]] = {(): set(OF_THE_VEHICLE), ("tank",): {"tank_file", "mode"}}
 _LARGEST_VALUE = 80  # characters of a value shown
 
 

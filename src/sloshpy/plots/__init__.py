@@ -12,6 +12,7 @@ from sloshpy.plots.mode_tracks import plot_mode_tracks
 from sloshpy.plots.nichols import plot_nichols
 from sloshpy.plots.root_locus import plot_root_locus
 from sloshpy.plots.save import figure_bytes, save_figure
+from sloshpy.plots.tank import plot_fill_history, plot_tank
 from sloshpy.plots.time_history import plot_time_history
 from sloshpy.plots.tvc_gain import plot_tvc_gain
 
@@ -23,11 +24,13 @@ __all__ = [
     "plot_danger_zone",
     "plot_danger_zones",
     "plot_degradation_map",
+    "plot_fill_history",
     "plot_growth",
     "plot_limit_cycle",
     "plot_mode_tracks",
     "plot_nichols",
     "plot_root_locus",
+    "plot_tank",
     "plot_time_history",
     "plot_tvc_gain",
     "save_figure",

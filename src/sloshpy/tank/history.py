@@ -1,0 +1,164 @@
+"""Slosh masses along a flight: a table of fill and acceleration to a table of all that the plant needs."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from sloshpy.errors import OutsideValidity
+from sloshpy.tank.slosh_masses import SloshModes, slosh_masses
+from sloshpy.tank.tank import Fill, Tank
+from sloshpy.units import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_OF_MODES = {
+    "kappa": "1/m",
+    "frequency": "rad/s",
+    "slosh_mass": "kg",
+    "spring_height": "m",
+    "hinge_height": "m",
+    "wave_per_displacement": "1",
+    "error_estimate": "1",
+}
+_OF_TANK = {
+    "liquid_mass": "kg",
+    "liquid_cg_height": "m",
+    "fixed_mass": "kg",
+    "fixed_mass_height": "m",
+    "fixed_mass_inertia": "kg m^2",
+    "rigid_lid_inertia": "kg m^2",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FillHistory:
+    """The slosh masses of one tank at several fills, (P,) points; nan where there is none.
+
+    rows: the result at each point, None where there is none; reason: why, "" elsewhere. time: (P,), s, or None.
+    depth: (P,), m. acceleration: (P,), m/s^2.
+    """
+
+    tank: Tank
+    rows: tuple[SloshModes | None, ...]
+    reason: tuple[str, ...]
+    time: Array | None
+    acceleration: Array
+
+    @property
+    def depth(self) -> Array:
+        """Depth above the lowest point, (P,), m."""
+        return np.array([np.nan if row is None else row.section.depth for row in self.rows])
+
+    @property
+    def fraction(self) -> Array:
+        """Part of the tank's volume, (P,)."""
+        whole = self.tank.volume
+        return np.array([np.nan if row is None else row.section.volume / whole for row in self.rows])
+
+    def of_modes(self, name: str) -> Array:
+        """Return a quantity of the slosh masses, such as "slosh_mass", (P, n_modes)."""
+        nothing = np.full(self.tank.modes, np.nan)
+        return np.array([nothing if row is None else getattr(row, name) for row in self.rows])
+
+    def of_tank(self, name: str) -> Array:
+        """Return a quantity of the whole liquid, such as "fixed_mass", (P,)."""
+        return np.array([np.nan if row is None else getattr(row, name) for row in self.rows])
+
+    def __str__(self) -> str:
+        missing = [k for k, row in enumerate(self.rows) if row is None]
+        lines = [f"{self.tank.name}: {len(self.rows)} fills, {len(missing)} without slosh masses"]
+        lines += [f"  - row {k + 1}: {self.reason[k]}" for k in missing[:5]]
+        lines.append(
+            f"  {'time s':>9s} {'full':>8s} {'depth m':>9s} {'Hz':>8s} {'mass kg':>10s} {'spring m':>9s} {'error':>7s}"
+        )
+        there = [k for k in range(len(self.rows)) if k not in missing]
+        shown = there if len(there) <= 12 else [there[k] for k in np.linspace(0, len(there) - 1, 12).astype(int)]
+        for k in shown:
+            row = self.rows[k]
+            assert row is not None
+            time = f"{self.time[k]:9.2f}" if self.time is not None else " " * 9
+            lines.append(
+                f"  {time} {100.0 * self.fraction[k]:6.2f} % {row.section.depth:9.4f} {row.f_hz[0]:8.4f} "
+                f"{row.slosh_mass[0]:10.5g} {row.spring_height[0]:9.4f} {row.error_estimate[0]:7.0e}"
+            )
+        if shown != there:
+            lines.append(f"  ({len(there) - len(shown)} rows not shown)")
+        return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """Return one JSON object in SI units: each point as `SloshModes.to_dict`, or null with a reason."""
+        times = [None] * len(self.rows) if self.time is None else self.time.tolist()
+        points = [
+            {"time": t, "acceleration": float(a), "reason": reason, "tank": None if row is None else row.to_dict()}
+            for t, a, reason, row in zip(times, self.acceleration, self.reason, self.rows, strict=True)
+        ]
+        return json.dumps({"name": self.tank.name, "points": points}, indent=1)
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the table as an xarray Dataset over the points and the modes."""
+        import xarray as xr  # 1 s: only when a dataset is wanted
+
+        data: dict[str, Any] = {
+            "depth": ("point", self.depth, {"units": "m"}),
+            "fraction": ("point", self.fraction, {"units": "1"}),
+            "acceleration": ("point", self.acceleration, {"units": "m/s^2"}),
+        }
+        data |= {name: ("point", self.of_tank(name), {"units": unit}) for name, unit in _OF_TANK.items()}
+        data |= {name: (["point", "mode"], self.of_modes(name), {"units": unit}) for name, unit in _OF_MODES.items()}
+        if self.tank.bottom_station is not None:
+            station = self.tank.bottom_station + self.of_modes("spring_height")
+            data["station"] = (["point", "mode"], station, {"units": "m"})
+        data["reason"] = ("point", list(self.reason))
+        coords: dict[str, Any] = {"mode": np.arange(1, self.tank.modes + 1)}
+        if self.time is not None:
+            coords["time"] = ("point", self.time, {"units": "s"})
+        return xr.Dataset(data, coords=coords, attrs={"tank": self.tank.name})
+
+
+def slosh_masses_history(
+    tank: Tank,
+    fill: Sequence[str | float | Fill] | Array,
+    acceleration: float | Sequence[float] | Array | None = None,
+    time: Sequence[float] | Array | None = None,
+) -> FillHistory:
+    """Return the slosh masses of a tank at each of several fills.
+
+    A fill that leaves no free surface, or an acceleration that holds no liquid down, has no slosh masses: its row is
+    nan and says why.
+
+    Args:
+        tank: shape, liquid, modes; its own fill is not used.
+        fill: (P,), depths in m, or texts such as "62 %" and "6.2 m".
+        acceleration: m/s^2, one or (P,); default: the tank's own.
+        time: (P,), s, increasing; only carried along.
+
+    Raises:
+        ValueError: lengths that do not fit, or a time that does not increase.
+    """
+    count = len(fill)
+    a = np.broadcast_to(np.asarray(tank.acceleration if acceleration is None else acceleration, dtype=float), (count,))
+    t = None if time is None else np.asarray(time, dtype=float)
+    if t is not None and (t.shape != (count,) or not np.all(np.diff(t) > 0.0)):
+        raise ValueError(f"time must be {count} increasing values, one for each fill")
+    shared = {name: getattr(tank, name) for name in Tank.model_fields if name not in {"fill", "acceleration"}}
+    rows: list[SloshModes | None] = []
+    reasons: list[str] = []
+    for one, a_k in zip(fill, a, strict=True):
+        row, reason = None, ""
+        try:
+            level = one if isinstance(one, str | Fill) else float(one)
+            row = slosh_masses(Tank(fill=level, acceleration=float(a_k), **shared))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            key = next((str(step) for step in (*first["loc"], *first.get("ctx", {}).get("key", ()))), "")
+            reason = f"{key} {first.get('ctx', {}).get('rule', first['msg'])}"
+        except OutsideValidity as error:
+            reason = str(error)
+        rows.append(row)
+        reasons.append(reason)
+    return FillHistory(tank=tank, rows=tuple(rows), reason=tuple(reasons), time=t, acceleration=np.array(a))

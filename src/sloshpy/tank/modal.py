@@ -1,0 +1,26 @@
+"""What is computed of a liquid's lateral motion, before density and acceleration come in."""
+
+from dataclasses import dataclass
+
+from sloshpy.units import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modal:
+    """The lateral motion of a liquid with free surface, by its modes, and with a lid.
+
+    Of each mode, (n,): kappa = w^2/a in 1/m; slosh mass over density in m^3; height of the spring-mass above the lowest
+    point in m, nan where there is no mass; wave height at the outer wall over displacement of the slosh mass; error:
+    estimated, relative. lid_volume: effective inertia under a rigid lid about the c.g. over density, m^5. radius (k,)
+    and shape (n, k): the surface along a radius in m, 1 at the outer wall.
+    """
+
+    kappa: Array
+    mass_volume: Array
+    spring_height: Array
+    wave: Array
+    lid_volume: float
+    error: Array
+    radius: Array
+    shape: Array
+    method: str

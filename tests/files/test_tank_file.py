@@ -1,0 +1,241 @@
+"""A tank file becomes the tank it describes, alone or in a case, or is refused with line, key, rule and cure."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from good_case import GOOD
+
+from sloshpy.errors import InputError
+from sloshpy.files import read_case, read_fill_table, read_tank, write_example, write_fill_history
+from sloshpy.tank import slosh_masses, slosh_masses_history
+from sloshpy.tank.tank import NAME
+from sloshpy.vehicle import slosh_mass
+
+TANK = """\
+name = "LOX"
+fill = "6.2 m"
+acceleration = "12.1 m/s^2"
+bottom_station = "4 m"
+[liquid]
+density = "1141 kg/m^3"
+[shape]
+kind = "cylinder"
+radius = "2.5 m"
+height = "10 m"
+[[baffle]]
+kind = "ring"
+height = "5.9 m"
+width = "0.2 m"
+"""
+OWN = 'slosh_mass = "1000 kg"\nstation = "9 m"\nfrequency = "2 rad/s"\n'
+SHAPE = 'kind = "cylinder"\nradius = "2.5 m"\nheight = "10 m"\n'
+
+
+def _read(folder: Path, *changes: tuple[str, str], contour: str = ""):
+    text = TANK
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "lox.toml").write_text(text, encoding="utf-8")
+    if contour:
+        (folder / "c.csv").write_text(contour, encoding="utf-8")
+    return read_tank(folder / "lox.toml")
+
+
+def test_a_tank_file_is_read_in_any_units(tmp_path):
+    tank = _read(tmp_path, ('"6.2 m"', '"244.09448818897638 in"'), ('"1141 kg/m^3"', '"71.23 lbm/ft^3"'))
+    assert tank.depth == pytest.approx(6.2)
+    assert tank.liquid.density == pytest.approx(1141.0, rel=1e-4)
+    assert tank.baffle[0].width == 0.2
+    assert _read(tmp_path, ('"6.2 m"', '"62 %"')).depth == pytest.approx(6.2)
+
+
+def test_a_contour_file_gives_the_cylinders_values(tmp_path):
+    contour = "z [ft], r [m]  # floor, wall\n0, 0\n0, 2.5\n32.808398950131235, 2.5\n"
+    by_points = _read(tmp_path, (SHAPE, 'kind = "contour"\nfile = "c.csv"\n'), contour=contour)
+    exact = slosh_masses(_read(tmp_path))
+    assert slosh_masses(by_points).kappa[0] == pytest.approx(exact.kappa[0], rel=1e-6)
+
+
+def test_an_inner_wall_may_end_before_the_outer_one(tmp_path):
+    contour = "z [m], r [m], z_inner [m], r_inner [m]\n0, 2.5, 0, 2.5\n5, 2.5, 1, 0\n10, 2.5, ,\n"
+    tank = _read(tmp_path, (SHAPE, 'kind = "contour"\nfile = "c.csv"\n'), contour=contour)
+    assert tank.section.volume == pytest.approx(np.pi * 2.5**2 * (6.2 - 1.0 / 3.0))
+
+
+ONE_FAULT = {
+    "percent without a sign": ('"6.2 m"', '"62"', 2, "fill", "has no unit"),
+    "a bare number": ('"6.2 m"', "6.2", 2, "fill", "has no unit"),
+    "above the top": ('"6.2 m"', '"10 m"', 2, "fill", "must be < 10 m"),
+    "full": ('"6.2 m"', '"100 %"', 2, "fill", "must be > 0 and < 1"),
+    "empty": ('"6.2 m"', '"0 m"', 2, "fill", "must be > 0 m"),
+    "coast": ('"12.1 m/s^2"', '"0 m/s^2"', 3, "acceleration", "must be > 0 m/s^2"),
+    "grams": ('"12.1 m/s^2"', '"1.2 g"', 3, "acceleration", "is a mass"),
+    "no whole number": ("[liquid]", "modes = 1.5\n[liquid]", 5, "modes", "whole number"),
+    "no density": ('density = "1141 kg/m^3"\n', "", 5, "liquid density", "is missing"),
+    "no shape of ours": ('"cylinder"', '"cylnder"', 8, "shape kind", "is no shape"),
+    "no kind": ('kind = "cylinder"\n', "", 7, "shape kind", "is missing"),
+    "unknown key": ("[liquid]", "[liquid]\nviscosity = 3", 6, "liquid viscosity", "is an unknown key"),
+    "negative radius": ('"2.5 m"', '"-2.5 m"', 9, "shape radius", "must be > 0 m"),
+    "ring above the top": ('"5.9 m"', '"15 m"', 13, "baffle 1 height", "must be <= 10 m"),
+    "no baffle of ours": ('"ring"', '"plate"', 12, "baffle 1 kind", "is no baffle"),
+    "annulus inside out": (
+        SHAPE,
+        'kind = "annulus"\nradius = "1 m"\ninner_radius = "2 m"\nheight = "9 m"\n',
+        10,
+        "shape inner_radius",
+        "must be < the radius",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ONE_FAULT)
+def test_one_fault_is_told_with_its_line(tmp_path, name):
+    old, new, line, key, rule = ONE_FAULT[name]
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path, (old, new))
+    [problem] = caught.value.problems
+    assert (problem.line, problem.key) == (line, key)
+    assert rule in problem.rule
+    assert problem.cure
+
+
+CONTOURS = {
+    "falling": ("z [m], r [m]\n0, 0\n1, 1\n0.5, 2\n", 4, "falls"),
+    "open below": ("z [m], r [m]\n0, 1\n10, 1\n", 2, "open"),
+    "negative radius": ("z [m], r [m]\n0, 0\n1, -1\n10, 2\n", 3, ">= 0"),
+    "closed on the way": ("z [m], r [m]\n0, 0\n1, 1\n2, 0\n10, 2\n", 4, "closed"),
+    "back on itself": ("z [m], r [m]\n0, 0\n1, 1\n1, 3\n1, 2\n10, 2\n", 5, "crosses itself"),
+    "no unit": ("z, r\n0, 0\n1, 1\n", 1, "no unit"),
+    "a word": ("z [m], r [m]\n0, 0\none, 1\n", 3, "must start with a number"),
+    "inner wall outside": (
+        "z [m], r [m], z_inner [m], r_inner [m]\n0, 0, 0, 0.5\n0, 2, 3, 2.5\n10, 2, 10, 1\n",
+        3,
+        "crosses itself",
+    ),
+    "inner wall open above": (
+        "z [m], r [m], z_inner [m], r_inner [m]\n0, 2, 0, 0.5\n5, 2, 3, 0.5\n10, 2, ,\n",
+        3,
+        "open",
+    ),
+    "one height": ("z [m], r [m]\n1, 0\n1, 2\n", 3, "does not rise"),
+}
+
+
+@pytest.mark.parametrize("name", CONTOURS)
+def test_a_contour_that_is_no_tank_is_told_with_its_line(tmp_path, name):
+    contour, line, rule = CONTOURS[name]
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path, (SHAPE, 'kind = "contour"\nfile = "c.csv"\n'), contour=contour)
+    problem = caught.value.problems[0]
+    assert problem.file.endswith("c.csv")
+    assert problem.line == line
+    assert rule in problem.rule
+
+
+def test_all_faults_are_told_at_once(tmp_path):
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path, ('"6.2 m"', '"62"'), ("radius", "raduis"), ('"0.2 m"', '"0.2 kg"'))
+    assert [problem.line for problem in caught.value.problems] == [2, 7, 9, 14]
+
+
+def test_the_shipped_tank_says_that_it_is_invented(tmp_path):
+    path = write_example("lox_tank", tmp_path)
+    assert "invented" in path.read_text(encoding="utf-8")
+    found = slosh_masses(read_tank(path))
+    assert len(found.kappa) == 2
+    assert found.reasons == ()
+
+
+def _case(folder: Path, tank_lines: str, tank: str = TANK) -> Path:
+    (folder / "lox.toml").write_text(tank, encoding="utf-8")
+    path = folder / "case.toml"
+    path.write_text(GOOD.replace(OWN, tank_lines, 1), encoding="utf-8")
+    return path
+
+
+def test_a_case_takes_its_slosh_mass_from_a_tank_file_at_its_own_acceleration(tmp_path):
+    case = read_case(_case(tmp_path, 'tank_file = "lox.toml"\n', TANK.replace("1141", "50")))
+    lox = case.vehicle.tanks[0]
+    found = slosh_masses(read_tank(tmp_path / "lox.toml"))
+    a = 900e3 / 16000.0
+    assert lox.frequency == pytest.approx(np.sqrt(a * found.kappa[0]))
+    assert lox.slosh_mass == pytest.approx(found.slosh_mass[0])
+    assert lox.station == pytest.approx(4.0 + found.spring_height[0])
+    assert lox.radius == 2.5
+    assert case.source is not None
+    assert "not the tank file's 12.1 m/s^2" in case.source.notes[0]
+    assert any("sha256" in key for key in case.source.given)
+
+
+def test_a_case_may_take_the_second_slosh_mass(tmp_path):
+    case = read_case(_case(tmp_path, 'tank_file = "lox.toml"\nmode = 2\n', TANK.replace("1141", "50")))
+    found = slosh_masses(read_tank(tmp_path / "lox.toml").model_copy(update={"modes": 2}))
+    assert case.vehicle.tanks[0].slosh_mass == pytest.approx(found.slosh_mass[1])
+
+
+@pytest.mark.parametrize(
+    ("lines", "tank", "file", "rule"),
+    [
+        ('tank_file = "lox.toml"\n', TANK.replace('bottom_station = "4 m"\n', ""), "case.toml", "bottom_station"),
+        ('tank_file = "no.toml"\n', TANK, "case.toml", "does not exist"),
+        ('tank_file = "../lox.toml"\n', TANK, "case.toml", "leads out"),
+        ("tank_file = 3\n", TANK, "case.toml", "must be a text"),
+        ('tank_file = "lox.toml"\nmode = 0\n', TANK, "case.toml", "whole number"),
+        ('tank_file = "lox.toml"\nstation = "9 m"\n', TANK, "case.toml", "stands beside station"),
+        ('tank_file = "lox.toml"\n', TANK.replace('"6.2 m"', '"62"'), "lox.toml", "has no unit"),
+    ],
+)
+def test_a_tank_file_that_does_not_serve_a_case_is_told_once(tmp_path, lines, tank, file, rule):
+    with pytest.raises(InputError) as caught:
+        read_case(_case(tmp_path, lines, tank))
+    [problem] = caught.value.problems
+    assert problem.file.endswith(file)
+    assert rule in problem.rule
+
+
+def test_names_follow_the_rule_of_the_vehicles_tanks():
+    assert NAME == slosh_mass.NAME
+
+
+def test_a_fill_history_goes_through_files_and_equals_single_fills(tmp_path):
+    tank = _read(tmp_path)
+    path = tmp_path / "fills.csv"
+    path.write_text("time [s], fill [%], acceleration [m/s^2]\n0, 90, 10\n60, 35, 20\n90, 0, 25\n", encoding="utf-8")
+    rows = read_fill_table(path)
+    course = slosh_masses_history(tank, rows.fill, rows.acceleration, rows.time)
+    for k, (depth, a) in enumerate([(9.0, 10.0), (3.5, 20.0)]):
+        single = slosh_masses(_read(tmp_path, ('"6.2 m"', f'"{depth} m"'), ('"12.1', f'"{a}')))
+        assert course.of_modes("frequency")[k, 0] == pytest.approx(single.frequency[0])
+        assert course.of_tank("fixed_mass")[k] == pytest.approx(single.fixed_mass)
+    assert np.isnan(course.depth[2])
+    assert "must be > 0" in course.reason[2]
+    assert "1 without slosh masses" in str(course)
+    table = write_fill_history(course, tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()
+    head = table[0].split(",")
+    assert {"time [s]", "frequency_1 [rad/s]", "station_1 [m]", "reason"} <= set(head)
+    assert float(table[1].split(",")[head.index("slosh_mass_1 [kg]")]) == course.of_modes("slosh_mass")[0, 0]
+
+    import xarray as xr
+
+    with xr.open_dataset(write_fill_history(course, tmp_path / "out.nc"), engine="h5netcdf") as back:
+        np.testing.assert_array_equal(back["spring_height"].values, course.of_modes("spring_height"))
+        assert back["frequency"].attrs["units"] == "rad/s"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "rule"),
+    [
+        ("time [s], acceleration [m/s^2]\n0, 1\n1, 2\n", 1, "has not one of"),
+        ("time [s], fill [%]\n0, 1\n0, 2\n", 3, "do not increase"),
+        ("fill [%], acceleration [m/s^2]\n1, 1\n2, \n", 1, "blank"),
+    ],
+)
+def test_a_fill_history_that_is_none_is_refused(tmp_path, text, line, rule):
+    path = tmp_path / "fills.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_fill_table(path)
+    assert caught.value.problems[0].line == line
+    assert rule in caught.value.problems[0].rule

@@ -1,0 +1,78 @@
+"""The tank command: prints, draws, and refuses in the one error form with exit status 2."""
+
+import json
+
+import pytest
+
+from sloshpy.cli import main
+from sloshpy.files import read_tank, write_example
+from sloshpy.tank import slosh_masses
+
+
+@pytest.fixture
+def tank(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return write_example("lox_tank", tmp_path)
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*words):
+        with pytest.raises(SystemExit) as stopped:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return stopped.value.code, printed.out, printed.err
+
+    return call
+
+
+def test_tank_prints_its_slosh_masses_and_draws_its_section(run, tank):
+    status, out, err = run("tank", tank)
+    assert (status, err) == (0, "")
+    assert "spring m" in out
+    assert "hinge m" in out
+    assert tank.with_name("lox_tank-tank.png").stat().st_size > 10_000
+
+
+def test_tank_json_has_the_keys_of_the_contract_and_draws_only_where_asked(run, tank):
+    status, out, _ = run("tank", tank, "--json")
+    said, found = json.loads(out), slosh_masses(read_tank(tank))
+    assert status == 0
+    assert not tank.with_name("lox_tank-tank.png").exists()
+    assert {
+        "name", "liquid_mass", "liquid_cg_height", "surface_radius", "depth", "modes", "fixed_mass",
+        "fixed_mass_height", "fixed_mass_inertia", "rigid_lid_inertia", "wall_damping", "baffle_damping",
+    } <= set(said)  # fmt: skip
+    assert set(said["modes"][0]) == {
+        "kappa", "frequency_hz", "slosh_mass", "spring_height", "hinge_height", "pendulum_length",
+        "wave_per_displacement", "station", "error_estimate",
+    }  # fmt: skip
+    assert said["modes"][1]["slosh_mass"] == found.slosh_mass[1]
+    assert said["modes"][0]["station"] == 5.5 + found.spring_height[0]
+    run("tank", tank, "--json", "-o", "section.svg")
+    assert tank.with_name("section.svg").exists()
+
+
+def test_tank_follows_a_history_into_a_table(run, tank):
+    tank.with_name("fills.csv").write_text("time [s], fill [%]\n0, 90\n50, 40\n", encoding="utf-8")
+    status, out, _ = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
+    assert status == 0
+    assert "2 fills, 0 without" in out
+    assert tank.with_name("out.csv").read_text(encoding="utf-8").count("\n") == 3
+    assert tank.with_name("lox_tank-history.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("no.toml",), "does not exist"),
+        (("lox_tank.toml", "--table", "x.csv"), "needs --history"),
+        (("lox_tank.toml", "-o", "x.jpg"), "must end in"),
+        (("lox_tank.toml", "--history", "lox_tank.toml", "--table", "x.doc"), "must end in"),
+        (("lox_tank.toml", "-o", "lox_tank.toml"), "must end in"),
+    ],
+)
+def test_tank_refuses_with_status_2(run, tank, words, said):
+    status, out, err = run("tank", *words)
+    assert (status, out) == (2, "")
+    assert said in err
