@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,7 +30,7 @@ from sloshpy.files import (
 from sloshpy.limit_cycle import LimitCycle, predict_limit_cycle
 from sloshpy.simulation import simulate, verify
 from sloshpy.stability import damping_sweep, disc_margin_curve, margins, required_damping_map, root_locus
-from sloshpy.tank import slosh_masses, slosh_masses_history
+from sloshpy.tank import slosh_masses, slosh_masses_history, tank_damping
 from sloshpy.units import Array, UnitError, parse
 
 app = cyclopts.App(
@@ -232,7 +233,12 @@ def tank_command(
         _writable(file, table, {".csv", ".xlsx", ".nc"})
     if history is None:
         found = slosh_masses(read)
-        print(found.to_json() if json else found)
+        damping = tank_damping(found)
+        print(
+            dumps(found.to_dict() | damping.to_dict(), indent=1)
+            if json
+            else "\n".join(filter(None, map(str, (found, damping))))
+        )
         return _drawn("plot_tank", found, path, quiet=json)
     rows = read_fill_table(history)
     course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)
