@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -47,7 +48,7 @@ from sloshpy.stability import (
     required_damping_map,
     root_locus,
 )
-from sloshpy.tank import slosh_masses, slosh_masses_history
+from sloshpy.tank import slosh_masses, slosh_masses_history, tank_damping
 from sloshpy.units import Array, UnitError, parse
 
 app = cyclopts.App(
@@ -338,7 +339,12 @@ def tank_command(
         _writable(file, table, {".csv", ".xlsx", ".nc"})
     if history is None:
         found = slosh_masses(read)
-        print(found.to_json() if json else found)
+        damping = tank_damping(found)
+        print(
+            dumps(found.to_dict() | damping.to_dict(), indent=1)
+            if json
+            else "\n".join(filter(None, map(str, (found, damping))))
+        )
         return _drawn("plot_tank", found, path, quiet=json)
     rows = read_fill_table(history)
     course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)

@@ -132,7 +132,7 @@ class SloshModes:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers in SI units, as `sloshpy tank --json` prints them."""
+        """Return plain numbers in SI units; `sloshpy tank --json` adds those of `tank_damping`."""
         station = self.station
 
         def plain(value: float) -> float | None:
@@ -164,8 +164,6 @@ class SloshModes:
             "fixed_mass_height": self.fixed_mass_height,
             "fixed_mass_inertia": self.fixed_mass_inertia,
             "rigid_lid_inertia": self.rigid_lid_inertia,
-            "wall_damping": None,
-            "baffle_damping": None,
         }
 
     def to_json(self) -> str:

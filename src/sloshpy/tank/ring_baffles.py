@@ -1,0 +1,110 @@
+"""Damping of slosh by flat rings on a cylindrical wall: Miles (1958), several rings after Bauer, decay after Coogan
+and Green (AIAA 2019-4436)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sloshpy.damping import PowerDamping
+from sloshpy.errors import OutsideValidity
+from sloshpy.tank.slosh_masses import SloshModes
+from sloshpy.tank.tank import Ring
+from sloshpy.units import Array, Real
+
+Decay = Literal["coogan-green", "miles"]
+_DECAY: dict[Decay, float] = {"coogan-green": 4.60 * 1.55, "miles": 4.60}
+WIDEST = 0.2  # of the radius
+HIGHEST_WAVE = 0.1  # of the radius
+_CYLINDRICAL = 1e-3  # of the radius: how far wall and surface may differ
+_DEEP = 1.0  # radii of liquid below the lowest ring
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaffleDamping:
+    """zeta = coefficient (eta/R)^1/2 of the first slosh mode, eta the wave height at the wall; by wet rings alone.
+
+    wave_per_displacement turns it into the slosh-mass displacement A of the laws of damping: eta = wave A. The formula
+    holds to largest_amplitude, m of slosh-mass displacement. decay: whose decay with the depth of a ring was taken.
+    """
+
+    modes: SloshModes
+    coefficient: float
+    rings: tuple[Ring, ...]
+    decay: Decay
+    reasons: tuple[str, ...]
+
+    @property
+    def wave_per_displacement(self) -> float:
+        """eta/A at the wall."""
+        return float(self.modes.wave_per_displacement[0])
+
+    @property
+    def largest_amplitude(self) -> float:
+        """Slosh-mass displacement in m at which the wave is a tenth of the radius: the formula holds to there."""
+        return HIGHEST_WAVE * self.modes.section.radius / self.wave_per_displacement
+
+    @property
+    def law(self) -> PowerDamping:
+        """The law of damping for a case, in slosh-mass displacement; not supported beyond `largest_amplitude`."""
+        slope = self.coefficient * np.sqrt(self.wave_per_displacement / self.modes.section.radius)
+        return PowerDamping(slope=float(slope), exponent=0.5)
+
+    def ratio(self, amplitude: Real) -> Array:
+        """Return the damping ratio at slosh-mass displacements in m; nan beyond what the formula supports."""
+        A = np.asarray(amplitude, dtype=float)
+        return np.where((A >= 0.0) & (self.largest_amplitude >= A), self.law.ratio(np.abs(A)), np.nan)
+
+    def __str__(self) -> str:
+        whose = {"coogan-green": "decay after Coogan and Green", "miles": "decay after Miles, not conservative"}
+        head = f"{self.modes.tank.name}: {len(self.rings)} wet ring{'s' * (len(self.rings) != 1)}"
+        lines = [f"{head}, zeta = {self.coefficient:.4g} (eta/R)^(1/2) ({whose[self.decay]})"]
+        most = self.largest_amplitude
+        ratio = 100.0 * float(self.law.ratio(most))
+        lines.append(f"  {ratio:.3g} % at {most:.3g} m of slosh, to where it holds (wave a tenth of the radius)")
+        return "\n".join([*lines, *(f"  - {reason}" for reason in self.reasons)])
+
+
+def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDamping:
+    """Return the damping of the first mode by the ring baffles of the tank.
+
+        zeta = 2.83 sum exp(-c d/R) A_b^(3/2) (eta/R)^(1/2),  A_b = (w/R)(2 - w/R)
+
+    with d a ring's depth below the surface and w its width; c = 4.60 (Miles) or 1.55 times that (Coogan and Green, who
+    found Miles not conservative), the default. Rings above the surface count for nothing.
+
+    Raises:
+        OutsideValidity: no ring is wet, a wall that is not cylindrical at surface and rings, a ring wider than a fifth
+            of the radius, a ring that the surface at rest stands in.
+    """
+    section, R = modes.section, modes.section.radius
+    wet = tuple(ring for ring in modes.tank.baffle if ring.height <= section.depth)
+    if not wet:
+        raise OutsideValidity("no ring baffle is wet: the surface stands below every ring")
+    outer = modes.walls[0]
+    for ring in wet:
+        at = float(np.interp(ring.height, outer[1], outer[0]))
+        if abs(at - R) > _CYLINDRICAL * R or section.inner_radius > 0.0:
+            raise OutsideValidity(
+                f"Miles' formula is of a cylinder: at the ring of {ring.height:g} m the radius is {at:.4g} m, at the "
+                f"surface {R:.4g} m" + (", about an inner wall" if section.inner_radius > 0.0 else "")
+            )
+        if ring.width > WIDEST * R:
+            raise OutsideValidity(f"the ring of {ring.height:g} m is wider than {WIDEST:g} of the radius {R:.4g} m")
+    total = sum(ring_coefficient(ring.width / R, (section.depth - ring.height) / R, decay) for ring in wet)
+    reasons = []
+    dry = len(modes.tank.baffle) - len(wet)
+    if dry:
+        reasons.append(f"{dry} ring{'s' * (dry != 1)} above the surface left out")
+    if min(ring.height for ring in wet) < _DEEP * R:
+        reasons.append("less than a radius of liquid below the lowest ring: outside the tests of the formula")
+    nearest = min(section.depth - ring.height for ring in wet)
+    if nearest < HIGHEST_WAVE * R:
+        reasons.append(f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that")
+    return BaffleDamping(modes=modes, coefficient=total, rings=wet, decay=decay, reasons=tuple(reasons))
+
+
+def ring_coefficient(width: float, depth: float, decay: Decay = "miles") -> float:
+    """Return zeta/(eta/R)^1/2 of one ring of a width and at a depth in radii."""
+    area = width * (2.0 - width)
+    return float(2.83 * np.exp(-_DECAY[decay] * depth) * area**1.5)
