@@ -26,7 +26,7 @@ demo: $(READY) ## Assess the shipped upper stage and write upper_stage.html.
 	@echo "Report: upper_stage.html"
 
 test: $(READY) ## Run the tests.
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: lint-ruff lint-format lint-types lint-imports ## Run every check that is not a test.
 
