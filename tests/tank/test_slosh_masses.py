@@ -245,3 +245,24 @@ def test_a_contour_may_be_straight_between_its_points():
 def test_the_second_mode_left_out_is_told_only_where_it_matters():
     assert slosh_masses(tank(CYLINDER, 4.0)).reasons == ()
     assert "is left out" in slosh_masses(tank(CYLINDER, 0.2)).reasons[0]
+
+
+def test_the_result_goes_to_netcdf_and_back_and_remembers_its_tank(tmp_path):
+    import xarray as xr
+
+    given = tank(CAPSULE, "60 %", 2, bottom_station=4.0)
+    found = slosh_masses(given)
+    assert found.tank is given
+    found.to_dataset().to_netcdf(tmp_path / "tank.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "tank.nc", engine="h5netcdf") as back:
+        np.testing.assert_array_equal(back["station"].values, 4.0 + found.spring_height)
+        assert back["rigid_lid_inertia"].attrs["units"] == "kg m^2"
+        assert all("units" in v.attrs for v in back.data_vars.values())
+
+
+def test_a_changed_fill_is_not_answered_by_the_old_depth():
+    full = tank(SPHERE, "50 %")
+    assert full.depth == pytest.approx(2.0)
+    less = full.model_copy(update={"fill": tank(SPHERE, "10 %").fill})
+    assert less.depth < 1.0
+    assert less.section.depth == less.depth

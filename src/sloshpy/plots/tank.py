@@ -60,7 +60,7 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
         labels.append((hinge, where, GREY))
         top = max(top, 1.04 * hinge)
     else:
-        labels.append((top, f"{where} (above the figure)", GREY))
+        labels.append((top, f"{where}, above", GREY))
     low = min(-0.06 * height, float(np.nanmin(found.spring_height)) - _DISC * width)
     top = max(top, found.fixed_mass_height + _DISC * width)
     ax.set_aspect("equal")
@@ -88,7 +88,9 @@ def _disc(ax: Axes, found: SloshModes, height: float, mass: float, width: float,
     a = _DISC * width * np.sqrt(share)
     rim: dict[str, Any] = {"color": color, "linewidth": 1.6, "zorder": 7}
     if color == ALARM:
-        ax.fill(a * np.cos(angle), height + a * np.sin(angle), **rim)
+        ax.fill(
+            a * np.cos(angle), height + a * np.sin(angle), facecolor=color, edgecolor="white", linewidth=1.0, zorder=7
+        )
     else:  # a ring: what it lies over stays in sight
         ax.plot(a * np.cos(angle), height + a * np.sin(angle), **rim)
         ax.plot(0.0, height, "+", color=color, markersize=9.0, zorder=7)
