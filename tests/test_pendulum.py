@@ -240,8 +240,9 @@ def test_a_file_with_a_pendulum_reads_writes_and_reports_what_was_given(tmp_path
     assert rows["tank.LOX.pendulum_length"] == "14.0625 m"
     forms = case_schema()["properties"]["tank"]["items"]["oneOf"]
     assert [set(form["required"]) for form in forms] == [
-        {"station", "frequency"},
-        {"hinge_station", "pendulum_length"},
+        {"slosh_mass", "station", "frequency"},
+        {"slosh_mass", "hinge_station", "pendulum_length"},
+        {"tank_file"},
     ]
 
 
