@@ -7,9 +7,10 @@ import pytest
 
 from cases import paper_case
 from sloshpy.autopilot import Actuator
-from sloshpy.limit_cycle import limit_cycles
+from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle import degradation_map, limit_cycles, two_axis_cycles
 from sloshpy.limit_cycle.engine_limits import actuator_factor
-from sloshpy.simulation import simulate
+from sloshpy.simulation import simulate, simulate_ensemble, simulate_two_axes
 
 DEGRADED = {"gain": 10 ** (4.4 / 20), "delay": 0.17}
 
@@ -79,3 +80,16 @@ def test_a_dead_band_leaves_a_small_unstable_cycle_that_parts_rest_from_the_larg
     ends = [np.max(np.abs(simulate(case, 350.0, f * a).slosh[-500:])) for f in (0.85, 1.15)]
     assert ends[0] < 0.8 * a
     assert ends[1] > 1.5 * a
+
+
+def test_what_knows_no_limits_refuses_them_instead_of_leaving_them_out():
+    dead = paper_case(actuator=Actuator(frequency=60.0, damping=0.7, deadband=1e-4))
+    stop = paper_case(actuator=Actuator(frequency=60.0, damping=0.7, deflection_limit=1e-3))
+    for verb in (simulate_ensemble, simulate_two_axes, two_axis_cycles):
+        with pytest.raises(OutsideValidity, match="dead band"):
+            verb(dead)
+    with pytest.raises(OutsideValidity, match="limits"):
+        two_axis_cycles(stop)
+    cells = degradation_map(stop, gain_db=np.array([-6.0, 0.0, 3.0]), delay=np.array([0.0, 0.1]))
+    assert np.all(np.isnan(cells.tvc[1:]))  # 1.2 mrad and more
+    assert np.all(cells.tvc[0] < 1e-3)

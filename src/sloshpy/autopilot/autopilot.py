@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from sloshpy.units import Array, Quantity, Real, refusal
+from sloshpy.units import Array, BoolArray, Quantity, Real, refusal
 
 _CONFIG = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
@@ -86,6 +86,17 @@ class Actuator(BaseModel):
             if getattr(self, limit) is not None:
                 rule = "needs the actuator's frequency and damping: a transfer function has no rate to limit"
                 raise refusal((limit,), rule, "give frequency and damping in place of numerator and denominator")
+
+    @property
+    def limited(self) -> bool:
+        """Whether it has a limit or a dead band, so that it is more than linear."""
+        return any(limit is not None for limit in (self.deflection_limit, self.rate_limit, self.deadband))
+
+    def beyond(self, angle: Real, omega: Real) -> BoolArray:
+        """Return where an engine amplitude in rad at rad/s is not the linear actuator's; a dead band always is."""
+        angle = np.asarray(angle, dtype=float)
+        stop, fastest = (np.inf if x is None else x for x in (self.deflection_limit, self.rate_limit))
+        return np.asarray((angle > stop) | (angle * omega > fastest) | (self.deadband is not None))
 
     @property
     def fraction(self) -> tuple[Array, Array]:

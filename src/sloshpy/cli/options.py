@@ -46,10 +46,12 @@ def writable(case: Path, path: Path, suffixes: set[str]) -> None:
 
 
 def refused(key: str, value: object, rule: str, cure: str) -> InputError:
+    """Return the error of one option in the one form."""
     return InputError(Problem(key=key, value=str(value), rule=rule, cure=cure))
 
 
 def save(axes: Any, path: Path) -> int:
+    """Write a figure, name it, and return exit status 0."""
     from sloshpy import plots  # matplotlib: only when something is drawn
 
     plots.save_figure(axes, path)
@@ -58,6 +60,7 @@ def save(axes: Any, path: Path) -> int:
 
 
 def drawn(plot: str, result: Any, path: Path | None, quiet: bool) -> int:
+    """Draw a result with the plot of that name and save it, where a figure is wanted; return exit status 0."""
     if path is None:
         return 0
     from sloshpy import plots  # matplotlib: only when something is drawn
@@ -86,6 +89,7 @@ def read_at(case: Case, damping: str | None, amplitude: str | None) -> dict[str,
 
 
 def damping_of(case: Case, text: str) -> Array:
+    """Return the damping ratio of each tank; one that is not named keeps its small-amplitude damping."""
 
     given = named(case, "--damping", text)
     return np.array(
@@ -116,6 +120,7 @@ def named(case: Case, option: str, text: str) -> list[str]:
 
 
 def tank_of(case: Case, name: str | None) -> int:
+    """Return the number of a tank by its name, the first without one."""
     names = [tank.name for tank in case.vehicle.tanks]
     if name is not None and name not in names:
         raise refused("--tank", name, "is no tank of the case", f"one of {', '.join(names)}")
@@ -123,6 +128,7 @@ def tank_of(case: Case, name: str | None) -> int:
 
 
 def ratio_of(option: str, text: str) -> float:
+    """Return an option's damping ratio."""
     value = quantity(option, text, "1")
     if not 0.0 <= value <= 1.0:
         raise refused(option, text, "must be between 0 and 1", 'a percentage is "4.8%"')

@@ -23,7 +23,7 @@ from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import RELATIVE, Follower, Mode, slosh_stiffness
-from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, has_limits, limited_mode, limited_modes
+from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, limited_mode, limited_modes
 from sloshpy.limit_cycle.growth import amplitude_range, follow
 from sloshpy.units import Array, ComplexArray
 
@@ -87,7 +87,8 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     growing = [p for p in closed_loop_poles(loop).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
-    return _limited(case) if has_limits(case.autopilot.actuator) else one_sinusoid_cycles(case)
+    actuator = case.autopilot.actuator
+    return _limited(case) if actuator is not None and actuator.limited else one_sinusoid_cycles(case)
 
 
 def one_sinusoid_cycles(case: Case) -> tuple[Cycle, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.limit_cycle.degraded_cycles import DegradedCycles
+from sloshpy.limit_cycle.degraded_cycles import UNSUPPORTED, DegradedCycles
 from sloshpy.limit_cycle.five_steps import LimitCycle, predict_limit_cycle
 from sloshpy.units import Array, BoolArray, IntArray
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 REASONS = (
     "a stable limit cycle",
     "stable at small amplitude: comes to rest",
-    "no cycle inside the damping data",
+    "no cycle inside the damping data and the limits of the engine",
     "several modes grow at once: simulate it",
     "diverges: no amplitude gives enough damping",
 )
@@ -140,6 +140,10 @@ def degradation_map(
     ellipse = ellipse[:, seen]
     field = DegradedCycles(case, tank, 10.0 ** (gain_db / 20.0), delay)
     field.fill()
+    actuator = case.autopilot.actuator
+    if actuator is not None:  # the map's balance is that of the linear engine
+        beyond = np.isfinite(field.tvc) & (field.tvc > 0.0) & actuator.beyond(field.tvc, field.omega)
+        field.tvc[beyond], field.slosh[beyond], field.reason[beyond] = np.nan, np.nan, UNSUPPORTED
     shape = (len(gain_db), len(delay))
     return DegradationMap(
         case=case,

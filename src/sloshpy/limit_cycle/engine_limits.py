@@ -25,13 +25,6 @@ LEAST = 1e-9  # of kappa: a loop that a dead band opens keeps a trace of gain, s
 POINTS = 140  # amplitudes followed, evenly in their logarithm
 
 
-def has_limits(actuator: Actuator | None) -> bool:
-    """Return whether an actuator is more than linear."""
-    return actuator is not None and any(
-        limit is not None for limit in (actuator.deflection_limit, actuator.rate_limit, actuator.deadband)
-    )
-
-
 def actuator_factor(actuator: Actuator, amplitude: float, omega: float) -> tuple[complex, float]:
     """Return the fundamental of the actuator's answer to a sinusoidal command over that of the linear actuator.
 

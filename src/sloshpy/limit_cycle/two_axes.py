@@ -18,6 +18,7 @@ from sloshpy.case import Case
 from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_eigenvalues
+from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import slosh_stiffness
 from sloshpy.limit_cycle.cycles import greatest_disturbance, limit_cycles
 from sloshpy.units import Array, ComplexArray
@@ -119,6 +120,9 @@ def two_axis_cycles(pitch: Case, yaw: Case | None = None) -> tuple[TwoAxisCycle,
         if solved is None:
             continue
         cycle = _cycle(pitch, yaw, plane, *solved)
+        for case, angle in zip((pitch, yaw), cycle.tvc, strict=True):
+            if case.autopilot.actuator is not None and bool(case.autopilot.actuator.beyond(angle, cycle.omega)):
+                raise OutsideValidity("an engine meets its limits or dead band, which two axes do not know")
         if not any(_same(cycle, other) for other in found):
             found.append(cycle)
     return tuple(found)

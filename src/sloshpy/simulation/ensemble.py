@@ -92,8 +92,8 @@ def simulate_ensemble(
     if not duration > 0.0:
         raise ValueError(f"duration must be > 0 s, is {duration:g} s")
     limits = case.autopilot.actuator
-    if limits is not None and (limits.deflection_limit is not None or limits.rate_limit is not None):
-        raise OutsideValidity("the ensemble has no actuator limits: simulate each case, or leave the limits out")
+    if limits is not None and limits.limited:
+        raise OutsideValidity("the ensemble has no actuator limits or dead band: simulate each case, or drop them")
     constant, coefficient, exponent = _laws(case)
     loop = open_loop(case, constant)
     modal = _modal(loop, case, initial_slosh)

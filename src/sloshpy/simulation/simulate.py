@@ -189,7 +189,7 @@ def simulate(
 
 def _is_linear(case: Case, damping: Real | None) -> bool:
     actuator = case.autopilot.actuator
-    limited = actuator is not None and any((actuator.deflection_limit, actuator.rate_limit, actuator.deadband))
+    limited = actuator is not None and actuator.limited
     constant = all(float(t.damping.amplitude(0.3)) in (0.0, np.inf) for t in case.vehicle.tanks)
     return not limited and (damping is not None or constant)
 

@@ -97,8 +97,8 @@ def simulate_two_axes(
     for case in cases:
         single(case, "simulate_two_axes")
         limits = case.autopilot.actuator
-        if limits is not None and (limits.deflection_limit is not None or limits.rate_limit is not None):
-            raise OutsideValidity("two axes are simulated without actuator limits: leave the limits out")
+        if limits is not None and limits.limited:
+            raise OutsideValidity("two axes are simulated without actuator limits or dead band: leave the limits out")
     laws = [(tank.damping, float(tank.frequency)) for tank in pitch.vehicle.tanks]
     n = len(laws)
     loops = [open_loop(case, 0.0) for case in cases]

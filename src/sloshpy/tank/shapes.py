@@ -1,5 +1,6 @@
 """Shapes of tanks, all bodies of revolution: the walls of their section, from the lowest point up."""
 
+from abc import ABC, abstractmethod
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -14,14 +15,15 @@ _RADIUS = Quantity("m", "R", "inner radius of the tank", above=0.0, most=1e3)
 _HEIGHT = Quantity("m", "H", "height of the tank", above=0.0, most=1e3)
 
 
-class Shape(BaseModel):
+class Shape(BaseModel, ABC):
     """What the shapes share: a frozen value; an outer wall from the axis or an inner wall up, an inner wall or none."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     @property
+    @abstractmethod
     def outer(self) -> Wall:
-        raise NotImplementedError
+        """The outer wall, from the axis or the inner wall up."""
 
     @property
     def inner(self) -> Wall:
