@@ -7,7 +7,7 @@ import oracle
 from cases import paper_case, random_case, xi
 from sloshpy.case import Criteria
 from sloshpy.dynamics import open_loop
-from sloshpy.stability.grid import grid_sweep
+from sloshpy.stability.grid import _nearest, grid_sweep
 from sloshpy.vehicle import SloshMass
 
 OMEGA = np.geomspace(0.2, 12.0, 500)
@@ -78,3 +78,17 @@ def test_a_grid_is_never_less_optimistic_than_the_refined_minimum():
 
     on_grid = grid_sweep(open_loop(case), OMEGA, Criteria()).least
     assert on_grid > margins(case).minima.value[0] + 0.01
+
+
+def test_the_grid_finds_the_nearest_point_of_every_curve_also_of_silent_and_infinite_ones():
+    rng = np.random.default_rng(8)
+    L = np.exp(rng.uniform(-6.0, 6.0, (40, 500)) + 1j * rng.uniform(-np.pi, np.pi, (40, 500)))
+    L[3, 7], L[4, :] = 0.0, 1e-30  # no loop at all at a point, next to none on a whole curve
+    L[5, 11] = -1.0
+    weight = 0.5 * (np.pi / 6.0) / np.log(10.0**0.3)
+    for rows in (slice(None), slice(0, 3), slice(4, 20)):
+        with np.errstate(divide="ignore"):
+            distance = oracle.disc_margin(L[rows]) * np.pi / 6.0
+        where, squared = _nearest(-L[rows].real, -L[rows].imag, weight)
+        assert np.array_equal(where, np.argmin(distance, axis=-1))
+        assert np.sqrt(squared) == pytest.approx(np.min(distance, axis=-1), rel=1e-12, abs=1e-15)

@@ -14,10 +14,10 @@ from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.poles import greatest_growth
 from sloshpy.dynamics.response import at_reference, excess_damping, transfer
 from sloshpy.stability.nichols import nichols_disc_margin
-from sloshpy.units import Array, BoolArray
+from sloshpy.units import Array, BoolArray, IntArray
 
 GROUP = 32  # vehicles solved at a time: bounds the memory
-BLOCK = 20000  # values worked on at a time: their scratch arrays stay in the processor's cache
+BLOCK = 80000  # values worked on at a time: their scratch arrays stay in the processor's cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,9 +109,8 @@ def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arra
             rows = slice(k, min(k + some, inner))
             here = rows_of if shared else [x[rows] for x in rows_of]
             flat = slice(i * inner + k, i * inner + rows.stop)
-            distance, slosh = _distance(d[flat], here, weight, scratch[:, : rows.stop - k])
-            least = np.argmin(distance, axis=-1)
-            where[flat], squared[flat] = least, distance[np.arange(len(least)), least]
+            x, y, slosh = _minus_loop(d[flat], here, scratch[:, : rows.stop - k])
+            where[flat], squared[flat] = _nearest(x, y, weight)
             gain[flat] = np.max(slosh, axis=-1)
     squared /= criteria.phase_margin**2
     return squared.reshape(batch), where.reshape(batch), gain.reshape(batch)
@@ -126,8 +125,8 @@ def _line(d: Array, pair: Array, out: Array) -> Array:
     return out
 
 
-def _distance(d: Array, here: list[Array], weight: float, scratch: Array) -> tuple[Array, Array]:
-    """Return (PM_d times eq 24) squared and the squared slosh gain, in two of the scratch arrays."""
+def _minus_loop(d: Array, here: list[Array], scratch: Array) -> tuple[Array, Array, Array]:
+    """Return x and y of -L = x + j y and the squared slosh gain, in three of the scratch arrays."""
     V_re, W_re, V_im, W_im, Y, power = here
     r, x, y, t = scratch
     _line(d, V_re, x)
@@ -143,14 +142,63 @@ def _distance(d: Array, here: list[Array], weight: float, scratch: Array) -> tup
     np.subtract(Y[..., 0, :], x, out=x)
     _line(d, W_im, y)
     y *= t
-    np.subtract(Y[..., 1, :], y, out=y)  # x + j y = -L
-    np.arctan2(y, x, out=t)
-    x *= x
-    y *= y
-    x += y
-    np.log(x, out=x)
-    x *= weight
-    x *= x
-    t *= t
-    x += t  # eq 24
-    return x, r
+    np.subtract(Y[..., 1, :], y, out=y)
+    return x, y, r
+
+
+_ROUNDING = 1e-6  # of single precision in the bound, several times what it is
+
+
+def _nearest(x: Array, y: Array, weight: float) -> tuple[IntArray, Array]:
+    """Return where each row of -L = x + j y comes nearest to +1 in eq 24, and (PM_d times eq 24) squared there.
+
+    Angles are dear. A bound in single precision, with
+
+        |angle| >= 6 |y| a / (3 a^2 + y^2),  a = |L| + x            (2 atan(u) >= 6 u / (3 + u^2), u = |y| / a)
+
+    leaves out every point farther off than the one where the bound is least; the others are computed in full.
+    """
+    rows = np.arange(len(x))
+    bound = _bound(x, y, np.float32(weight))
+    if not np.isfinite(np.sum(bound)):  # an infinite loop, or none: nothing to save
+        with np.errstate(divide="ignore"):
+            everywhere = _squared(x, y, weight)
+        at = np.argmin(everywhere, axis=-1)
+        return at, everywhere[rows, at]
+    some = np.argmin(bound, axis=-1)
+    reach = _squared(x[rows, some], y[rows, some], weight)
+    reach = reach * (1.0 + 20.0 * _ROUNDING) + 0.1 * _ROUNDING  # > (sqrt(reach) + _ROUNDING)^2
+    k = np.flatnonzero(bound <= reach.astype(np.float32)[:, None])
+    exact = _squared(x.ravel()[k], y.ravel()[k], weight)
+    row = k // x.shape[-1]
+    order = np.lexsort((exact, row))
+    first = order[np.searchsorted(row[order], rows)]
+    return k[first] - rows * x.shape[-1], exact[first]
+
+
+def _bound(x: Array, y: Array, weight: np.float32) -> Any:
+    """Return a lower bound of `_squared`, but for rounding, in single precision."""
+    a, y2 = x.astype(np.float32), y.astype(np.float32)
+    angle = np.abs(y2)
+    y2 *= y2
+    p = a * a
+    p += y2
+    a += np.sqrt(p)
+    angle *= a
+    angle *= np.float32(6.0)
+    a *= a
+    a *= np.float32(3.0)
+    a += y2
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        angle /= a
+        np.log(p, out=p)
+    p *= weight
+    p *= p
+    angle *= angle
+    p += angle
+    return p
+
+
+def _squared(x: Array, y: Array, weight: float) -> Array:
+    """Return (PM_d times eq 24) squared of -L = x + j y."""
+    return np.asarray((weight * np.log(x * x + y * y)) ** 2 + np.arctan2(y, x) ** 2)
