@@ -3,7 +3,7 @@
 import numpy as np
 
 from sloshpy.autopilot.autopilot import Autopilot
-from sloshpy.units import ComplexArray
+from sloshpy.units import Array, ComplexArray
 
 
 def forward_fraction(autopilot: Autopilot, s: ComplexArray) -> tuple[ComplexArray, ...]:
@@ -18,14 +18,9 @@ def forward_fraction(autopilot: Autopilot, s: ComplexArray) -> tuple[ComplexArra
     tau = np.asarray(autopilot.delay)
     n = autopilot.gain * np.exp(-s * tau)
     d, dn, dd = np.ones_like(n), -tau * n, np.zeros_like(n)
-    factors = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
-    if autopilot.actuator is not None:
-        factors.append(autopilot.actuator.fraction)
-    for top, bottom in factors:
-        # scaled by the denominator's largest coefficient, which leaves the fraction alone
-        size = np.max(np.abs(bottom))
-        nf, dnf = np.polyval(top / size, s), np.polyval(np.polyder(top / size), s)
-        df, ddf = np.polyval(bottom / size, s), np.polyval(np.polyder(bottom / size), s)
+    for top, bottom in _fractions(autopilot):
+        nf, dnf = np.polyval(top, s), np.polyval(np.polyder(top), s)
+        df, ddf = np.polyval(bottom, s), np.polyval(np.polyder(bottom), s)
         n, dn = n * nf, dn * nf + n * dnf
         d, dd = d * df, dd * df + d * ddf
     return n, d, dn, dd
@@ -33,5 +28,15 @@ def forward_fraction(autopilot: Autopilot, s: ComplexArray) -> tuple[ComplexArra
 
 def forward_transfer(autopilot: Autopilot, s: ComplexArray) -> ComplexArray:
     """Return beta over (a0 phi + a1 phi') at complex frequencies s, exact delay included."""
-    n, d, _, _ = forward_fraction(autopilot, s)
-    return n / d
+    K = autopilot.gain * np.exp(-s * np.asarray(autopilot.delay)) if np.any(autopilot.delay) else autopilot.gain
+    for top, bottom in _fractions(autopilot):
+        K = K * (np.polyval(top, s) / np.polyval(bottom, s))
+    return np.broadcast_to(K, np.broadcast_shapes(np.shape(K), np.shape(s))).astype(complex, copy=False)
+
+
+def _fractions(autopilot: Autopilot) -> list[tuple[Array, Array]]:
+    """Return filters and actuator, scaled by the denominator's largest coefficient, which leaves a fraction alone."""
+    fractions = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
+    if autopilot.actuator is not None:
+        fractions.append(autopilot.actuator.fraction)
+    return [(top / (size := np.max(np.abs(bottom))), bottom / size) for top, bottom in fractions]

@@ -23,6 +23,12 @@ from sloshpy.units import Array, IntArray, Real
 # numbers of the autopilot that may carry leading axes
 _NUMBERS = ("attitude_gain", "rate_gain", "accelerometer_gain", "drift_gain", "drift_rate_gain", "gain", "delay")
 
+# arrays of the plant and how many of their axes are not the batch's
+_ARRAYS = {
+    **dict.fromkeys(("mass", "damping", "stiffness", "accelerometer"), 2),
+    **dict.fromkeys(("force", "inertial_force", "attitude", "rate", "tank_mass", "tank_frequency"), 1),
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Loop:
@@ -72,27 +78,18 @@ class Loop:
         return self._mapped(pick)
 
     def _mapped(self, change: Any) -> "Loop":
-        """Apply a change of the batch axes to every array; `own` is the number of axes that are not the batch's."""
+        """Apply a change of the batch axes to every array; `own` is the number of axes that are not the batch's.
+
+        What has no batch axes is left as it is: one plant and autopilot at many dampings are copied by nobody.
+        """
         p, a = self.plant, self.autopilot
-        gains = {name: np.asarray(getattr(a, name)) for name in _NUMBERS}
-        return replace(
-            self,
-            plant=replace(
-                p,
-                mass=change(p.mass, 2),
-                damping=change(p.damping, 2),
-                stiffness=change(p.stiffness, 2),
-                force=change(p.force, 1),
-                inertial_force=change(p.inertial_force, 1),
-                attitude=change(p.attitude, 1),
-                rate=change(p.rate, 1),
-                accelerometer=None if p.accelerometer is None else change(p.accelerometer, 2),
-                tank_mass=change(p.tank_mass, 1),
-                tank_frequency=change(p.tank_frequency, 1),
-            ),
-            autopilot=a.model_copy(update={k: change(x, 0) if x.ndim else x for k, x in gains.items()}),
-            damping=change(self.damping, 1),
-        )
+        gains = {k: x for k in _NUMBERS if (x := np.asarray(getattr(a, k))).ndim}
+        parts = {k: (x, own) for k, own in _ARRAYS.items() if (x := getattr(p, k)) is not None}
+        if any(x.ndim > own for x, own in parts.values()):
+            p = replace(p, **{k: change(x, own) for k, (x, own) in parts.items()})
+        if gains:
+            a = a.model_copy(update={k: change(x, 0) for k, x in gains.items()})
+        return Loop(plant=p, autopilot=a, damping=change(self.damping, 1))
 
 
 def open_loop(case: Case, damping: Real | None = None, amplitude: Real | None = None) -> Loop:

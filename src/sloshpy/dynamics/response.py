@@ -44,6 +44,8 @@ class Transfer:
 def transfer(loop: Loop, s: ComplexArray) -> Transfer:
     """Return L(s) and z_j/beta at complex frequencies that broadcast with the loop's batch."""
     s = np.asarray(s, dtype=complex)
+    if len(loop.plant.tanks) != 1 and np.broadcast_shapes(loop.damping.shape[:-1], s.shape) == _plants(loop, s):
+        return _direct(loop, s)
     Y_b, Y_a, z_b, Z_a = at_reference(loop, s)
     sd = s[..., None] * excess_damping(loop)
     if sd.shape[-1] == 1:
@@ -54,6 +56,23 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
     several = _closed(np.asarray(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], dtype=complex), z_b)
     with np.errstate(invalid="ignore"):  # as above
         return Transfer(loop=np.sum(Y_a * sd * several, axis=-1) - Y_b, slosh=several)
+
+
+def _plants(loop: Loop, s: ComplexArray) -> tuple[int, ...]:
+    """Return the shape of the plants that differ but for the slosh damping, each at its own frequencies."""
+    p = loop.plant
+    return np.broadcast_shapes(p.mass.shape[:-2], p.stiffness.shape[:-2], s.shape)
+
+
+def _direct(loop: Loop, s: ComplexArray) -> Transfer:
+    """Return the same where no two dampings share a plant and a frequency: one solve at the damping itself."""
+    p = loop.plant
+    D, right = _stiffness(loop, s, loop.damping), p.engine_force(s)
+    with np.errstate(invalid="ignore"):  # infinite on an undamped pole, as it must be
+        q = _closed(D, np.broadcast_to(right, (*D.shape[:-2], right.shape[-1])))
+        row, at_once = sensed_row(loop, s)
+        L = -forward_transfer(loop.autopilot, s) * (np.sum(row * q, axis=-1) + at_once)
+    return Transfer(loop=np.asarray(L), slosh=q[..., p.slosh])
 
 
 def _closed(closure: ComplexArray, right: ComplexArray) -> ComplexArray:
@@ -108,6 +127,26 @@ def at_reference(loop: Loop, s: ComplexArray) -> tuple[ComplexArray, ...]:
     q = _coordinates(loop, s)
     Y = K[..., None] * np.sum(row[..., None] * q, axis=-2)
     return Y[..., 0] + K * at_once, Y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
+
+
+def of_one_damping(loop: Loop, tank: int, s: ComplexArray) -> tuple[ComplexArray, ...]:
+    """Return K y_b, K y_a, z_b and z_a of one tank at the reference damping, the other tanks at the loop's own.
+
+    For any damping of that tank, d as in `excess_damping`: z/beta = z_b / (1 + s d z_a), L = K y_a s d z/beta - K y_b.
+    """
+    s = np.asarray(s, dtype=complex)
+    p = loop.plant
+    ratio = loop.damping.copy()
+    ratio[..., tank] = REFERENCE_DAMPING
+    D = _stiffness(loop, s, ratio)
+    right = np.zeros((*D.shape[:-1], 2), dtype=complex)
+    right[..., 0] = p.engine_force(s)
+    right[..., p.first_tank + tank, 1] = p.tank_mass[..., tank]
+    q = np.linalg.solve(D, right)
+    row, at_once = sensed_row(loop, s)
+    K = forward_transfer(loop.autopilot, s)
+    y, z = np.sum(row[..., None] * q, axis=-2), q[..., p.first_tank + tank, :]
+    return K * (y[..., 0] + at_once), K * y[..., 1], z[..., 0], z[..., 1]
 
 
 def _stiffness(loop: Loop, s: ComplexArray, ratio: Real) -> ComplexArray:

@@ -1,5 +1,6 @@
 """Every crossing and every minimum of eq 24, each with the mode it belongs to, signed by closed-loop stability."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, greatest_growth, unstable_count
 from sloshpy.dynamics.response import frequency_sensitivity, transfer
-from sloshpy.stability.nichols import Curves, nichols_disc_margin, sampled, valley_samples
+from sloshpy.stability.nichols import Curves, least_beside, nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, BoolArray, IntArray, Real
 
 if TYPE_CHECKING:
@@ -164,17 +165,22 @@ def margins(case: Case, damping: Real | None = None, amplitude: Real | None = No
     return loop_margins(open_loop(case, damping, amplitude), case.criteria)
 
 
-def loop_margins(loop: Loop, criteria: Criteria, crossings: bool = True) -> Margins:
+def loop_margins(
+    loop: Loop, criteria: Criteria, crossings: bool = True, curves: Curves | None = None, below: float = np.inf
+) -> Margins:
     """Return the margins of a loop or of a batch of loops; see `margins`.
 
     Args:
         loop: one loop or a batch.
         criteria: gain and phase margin of eq 24.
         crossings: find gain and phase crossings too, not the minima alone.
+        curves: as dense as those of `sampled`, where they are known already.
+        below: minima that lie above this may be left out.
     """
-    curves = sampled(loop, criteria.gain_margin, criteria.phase_margin)
+    if curves is None:
+        curves = sampled(loop, criteria.gain_margin, criteria.phase_margin)
     batch, growth = loop.batch, greatest_growth(loop)
-    lists = [(*_minima(loop, curves, criteria), True)]
+    lists = [(*_minima(loop, curves, criteria, below), True)]
     for found in _crossings(loop, curves) if crossings else ((np.zeros(0, dtype=int), np.zeros(0), np.zeros(0)),) * 2:
         lists.append((*found, False))
     points = [_padded(batch, i, w, v, mode_shares(loop, i, w), by_value) for i, w, v, by_value in lists]
@@ -191,25 +197,64 @@ def loop_margins(loop: Loop, criteria: Criteria, crossings: bool = True) -> Marg
     )
 
 
-def _minima(loop: Loop, curves: Curves, criteria: Criteria) -> tuple[IntArray, Array, Array]:
+def _minima(loop: Loop, curves: Curves, criteria: Criteria, below: float) -> tuple[IntArray, Array, Array]:
     """Return loop, frequency and value of every local minimum of eq 24, each refined in its bracket."""
-    from scipy.optimize import elementwise  # 0.4 s: only when margins are wanted
-
     GM, PM = criteria.gain_margin, criteria.phase_margin
 
     def squared(omega: Array, index: IntArray) -> Array:
         return nichols_disc_margin(transfer(loop.take(index), 1j * omega).loop, GM, PM) ** 2
 
-    k = np.flatnonzero(valley_samples(nichols_disc_margin(curves.loop, GM, PM), curves.index))
+    sample = nichols_disc_margin(curves.loop, GM, PM)
+    k = np.flatnonzero(valley_samples(sample, curves.index) & (least_beside(sample) <= below))
     owner = curves.index[k]
-    bracket = curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]
-    found = elementwise.find_minimum(squared, bracket, args=(owner,), tolerances={"xrtol": 1e-11, "frtol": 1e-15})
-    omega, value = np.asarray(found.x), np.asarray(found.f_x)
+    omega, value = _least(squared, (curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]), owner)
     if loop.plant.velocity_only:  # the air makes the static gain finite: the curve may be nearest at its start
         first = _nearest_at_the_start(curves, GM, PM)
         owner, omega = np.append(owner, curves.index[first]), np.append(omega, curves.omega[first])
         value = np.append(value, nichols_disc_margin(curves.loop[first], GM, PM) ** 2)
     return owner, omega, np.sqrt(np.maximum(value, 0.0))
+
+
+def _least(
+    squared: Callable[[Array, IntArray], Array], bracket: tuple[Array, Array, Array], owner: IntArray
+) -> tuple[Array, Array]:
+    """Return where a function is least in each bracket, the middle below both ends, and its value there.
+
+    Newton's method on values a thousandth of the bracket apart, kept in the bracket by halving it; where it does not
+    settle below the middle, bracketing.
+    """
+    low, x, high = (np.log(w) for w in bracket)
+    h = 5e-4 * (high - low)
+    offset = np.array([-1.0, 0.0, 1.0])
+    settled, value, first = np.zeros(len(x), dtype=bool), np.full(len(x), np.nan), np.full(len(x), np.nan)
+    todo = np.arange(len(x))
+    for _ in range(30):
+        at = x[todo, None] + h[todo, None] * offset
+        D = squared(np.exp(at), np.broadcast_to(owner[todo, None], at.shape))
+        bend, slope = D[:, 2] - 2.0 * D[:, 1] + D[:, 0], 0.5 * (D[:, 2] - D[:, 0])
+        first[todo], value[todo] = np.where(np.isnan(first[todo]), D[:, 1], first[todo]), D[:, 1]
+        low[todo], high[todo] = np.where(slope < 0.0, x[todo], low[todo]), np.where(slope > 0.0, x[todo], high[todo])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = x[todo] - slope / bend * h[todo]
+        inside = (bend > 0.0) & (newton >= low[todo]) & (newton <= high[todo])
+        step = np.where(inside, newton, 0.5 * (low[todo] + high[todo])) - x[todo]
+        done = inside & (np.abs(step) < 1e-3 * h[todo])
+        settled[todo[done]] = True
+        x[todo] += step
+        todo = todo[~done]
+        if len(todo) == 0:
+            break
+    settled &= value <= first
+    rest = np.flatnonzero(~settled)
+    omega = np.exp(x)
+    if len(rest):
+        from scipy.optimize import elementwise  # 0.4 s: only when margins are wanted
+
+        tolerances = {"xrtol": 1e-11, "frtol": 1e-15}
+        inner = (bracket[0][rest], bracket[1][rest], bracket[2][rest])
+        found = elementwise.find_minimum(squared, inner, args=(owner[rest],), tolerances=tolerances)
+        omega[rest], value[rest] = np.asarray(found.x), np.asarray(found.f_x)
+    return omega, value
 
 
 def _crossings(loop: Loop, curves: Curves) -> list[tuple[IntArray, Array, Array]]:

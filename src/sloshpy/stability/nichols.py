@@ -51,7 +51,7 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
     every piece whose ends lie farther apart in the normalised Nichols plane than a fraction of their distance to the
     critical point is halved, until none is left; last, every piece in which a crossing or a minimum may hide.
     """
-    index, omega = _placed(loop)
+    index, omega = placed(loop)
     response = transfer(loop.take(index), 1j * omega).loop
     finite = np.isfinite(response) & (response != 0.0)
     curves = Curves(index=index[finite], omega=omega[finite], loop=response[finite])
@@ -59,7 +59,7 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
         step = _steps(loop, curves, np.arange(len(curves.omega) - 1))
         chord = np.hypot(step.real / np.log(gain_margin), step.imag / phase_margin)
         distance = nichols_disc_margin(curves.loop, gain_margin, phase_margin)
-        allowed = 0.15 + 0.4 * np.minimum(distance[1:], distance[:-1])
+        allowed = allowed_chord(np.minimum(distance[1:], distance[:-1]))
         split = np.flatnonzero((chord > allowed) & _divisible(curves))
         if len(split) == 0:
             break
@@ -67,7 +67,8 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
     slope = _log_slope(loop, curves)
     among = np.arange(len(curves.omega) - 1)
     for _ in range(16):
-        k, middle = _hidden(loop, curves, slope, among, gain_margin, phase_margin)
+        valley = valley_samples(nichols_disc_margin(curves.loop, gain_margin, phase_margin), curves.index)
+        k, middle = hidden_pieces(loop, curves, slope, valley, among, gain_margin, phase_margin)
         if len(k) == 0:
             break
         curves = _inserted(loop, curves, k, middle)
@@ -77,6 +78,16 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
         among = np.unique(added[:, None] + np.arange(-2, 2))  # the new pieces and those beside them
         among = among[(among >= 0) & (among < len(curves.omega) - 1)]
     return curves
+
+
+def allowed_chord(distance: Array) -> Array:
+    """Return how far apart two samples of a curve may lie in the normalised Nichols plane, by the nearer's distance."""
+    return 0.15 + 0.4 * distance
+
+
+def least_beside(distance: Array) -> Array:
+    """Return a distance that a minimum beside a sample does not fall below, given the sample's own."""
+    return np.asarray(distance - allowed_chord(distance))
 
 
 def _divisible(curves: Curves) -> BoolArray:
@@ -112,14 +123,20 @@ def _log_slope(loop: Loop, curves: Curves) -> ComplexArray:
     return np.asarray((transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h * curves.loop))
 
 
-def _hidden(
-    loop: Loop, curves: Curves, slope: ComplexArray, among: IntArray, gain_margin: float, phase_margin: float
+def hidden_pieces(
+    loop: Loop,
+    curves: Curves,
+    slope: ComplexArray,
+    valley: BoolArray,
+    among: IntArray,
+    gain_margin: float,
+    phase_margin: float,
 ) -> tuple[IntArray, Array]:
     """Return the pieces, of those given, in which a minimum of eq 24 or a pair of crossings may hide; where to look.
 
     Between two samples ln L is followed by the cubic through values and slopes. A piece is split where the cubic turns
     eq 24 round without a sample below both neighbours, nearly does, or comes near 0 dB or -180 deg between ends that
-    lie on the same side.
+    lie on the same side. slope: d ln L / d ln omega, needed at the ends of those pieces; valley: see `valley_samples`.
     """
     k = among[_divisible(curves)[among]]
     ratio = np.log(curves.omega[k + 1] / curves.omega[k])[:, None]
@@ -135,7 +152,6 @@ def _hidden(
     distance = np.hypot(*x)
     change = np.diff(distance**2, axis=-1)
     low = np.argmin(distance, axis=-1)
-    valley = valley_samples(nichols_disc_margin(curves.loop, gain_margin, phase_margin), curves.index)
     seen = valley[k] | valley[k + 1]
     onward = change * np.sign(distance[:, -1:] - distance[:, :1])
     flat = np.min(onward, axis=-1) < 0.25 * np.mean(np.abs(change), axis=-1)
@@ -157,7 +173,7 @@ def valley_samples(distance: Array, index: IntArray) -> BoolArray:
     return valley
 
 
-def _placed(loop: Loop) -> tuple[IntArray, Array]:
+def placed(loop: Loop) -> tuple[IntArray, Array]:
     """Return first frequencies of each loop of the flattened batch: clusters about its poles and zeros.
 
     The delay is left out: it has no poles, and it turns the loop evenly, which the halving follows.

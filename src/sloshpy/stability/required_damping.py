@@ -1,7 +1,7 @@
 """Least slosh damping that a tank needs: suprema over damping, never roots (the disc margin is a distance)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,15 +9,20 @@ import numpy as np
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import NEUTRAL, greatest_growth
-from sloshpy.stability.margins import loop_margins
+from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, greatest_growth
+from sloshpy.stability.family import sampled_family
+from sloshpy.stability.margins import Margins, loop_margins
+from sloshpy.stability.touching import touching_critical_point, touching_level, with_ratio
 from sloshpy.units import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     import xarray as xr
 
 MOST_RATIO = 1.0  # critical slosh damping: the search ends here
-LEVELS = 57  # damping values scanned, 0 and 1e-5 to 1 in steps of a quarter
+LEVELS = 41  # damping values scanned: 0, then up to 1 in steps of a quarter, below a thousandth of three quarters
+SMALL = 2  # coordinates of a plant whose response is a formula
+BLOCK = 19  # of them at a time, from above
+PROOF = 1e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,39 +93,27 @@ def loop_required_damping(
     """Return the least damping of one tank of a loop or of a batch; see `required_damping`."""
     batch = loop.batch
     size = int(np.prod(batch))
-
-    def shortfall(ratio: Array, index: IntArray) -> tuple[Array, Array]:
-        """Return how far each loop is from stability (growth) and from the threshold (positive: short of it)."""
-        one = _with_ratio(loop, index, tank, ratio)
-        found = loop_margins(one.along(), criteria, crossings=False)
-        margin = np.abs(found.slosh_disc_margin(tank)[0][..., 0])  # stability is judged by the growth
-        return found.growth[..., 0], np.asarray(disc_margin - margin)
-
     axis = NEUTRAL * float(np.max(loop.plant.tank_frequency))  # a neutral pole, which rounding moves, does not grow
     every = np.arange(size)
-    if np.all(greatest_growth(_with_ratio(loop, every, tank, np.full(size, MOST_RATIO))) >= axis):
+    if np.all(greatest_growth(with_ratio(loop, every, tank, np.full(size, MOST_RATIO))) >= axis):
         none = np.full(batch, np.nan)  # unstable however much this tank is damped: no need to search
         return RequiredDamping(
             tank=loop.plant.tanks[tank], neutral=none, required=none, omega=none, disc_margin=disc_margin, source=loop
         )
-    grid = np.concatenate([[0.0], np.geomspace(1e-5, MOST_RATIO, levels - 1)])
-    index, ratio = (x.ravel() for x in np.meshgrid(every, grid, indexing="ij"))
-    growth, short = (x.reshape(size, levels) for x in shortfall(ratio, index))
-
-    def growing(ratio: Array, index: IntArray) -> Array:
-        return greatest_growth(_with_ratio(loop, index, tank, ratio)) - axis
-
-    def lacking(ratio: Array, index: IntArray) -> Array:
-        growth, short = shortfall(ratio, index)
-        return np.where(growth < axis, np.maximum(short, -1e3), disc_margin)  # -inf where no minimum is the tank's
-
-    neutral = supremum(growth >= axis, grid, growing)
-    required = supremum((growth >= axis) | (short > 0.0), grid, lacking)
+    grid = damping_levels(levels)
+    search = _Search(loop=loop, criteria=criteria, tank=tank, threshold=disc_margin, axis=axis)
+    scan = search.from_above(grid)
+    neutral = supremum(scan.growth >= axis, grid, search.growing, search.neutral_candidate)
+    required = supremum(
+        search.short(scan.growth, scan.margin) > 0.0,
+        grid,
+        search.lacking,
+        lambda low, high, index: search.required_candidate(low, high, index, scan, grid),
+    )
     omega = np.full(size, np.nan)
     known = np.flatnonzero(np.isfinite(required))
     if len(known):
-        one = _with_ratio(loop, known, tank, required[known])
-        omega[known] = loop_margins(one.along(), criteria, crossings=False).slosh_disc_margin(tank)[1][..., 0]
+        omega[known] = search.own_margin(required[known], known).omega
     return RequiredDamping(
         tank=loop.plant.tanks[tank],
         neutral=neutral.reshape(batch),
@@ -129,6 +122,122 @@ def loop_required_damping(
         disc_margin=disc_margin,
         source=loop,
     )
+
+
+def damping_levels(count: int) -> Array:
+    """Return so many damping ratios from 0 to 1 that are scanned, a fifth of them below a thousandth."""
+    few = count // 5
+    low, high = np.geomspace(1e-5, 1e-3, few + 1)[:-1], np.geomspace(1e-3, MOST_RATIO, count - 1 - few)
+    return np.concatenate([[0.0], low, high])
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a tank shows at some dampings: growth of the loop in 1/s, the tank's own least distance, where in rad/s."""
+
+    growth: Array
+    margin: Array
+    omega: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Search:
+    """What is asked of a loop at many dampings of one tank; `axis` is the growth that counts as none, 1/s."""
+
+    loop: Loop
+    criteria: Criteria
+    tank: int
+    threshold: float
+    axis: float
+
+    def own_margin(self, ratio: Array, index: IntArray) -> _Found:
+        """Return what the tank shows at dampings (K,), each of a loop of the flattened batch, minima below threshold.
+
+        A plant of one tank on a rigid vehicle costs next to nothing; a larger one is solved once for all its dampings.
+        """
+        one = with_ratio(self.loop, index, self.tank, ratio)
+        if self.loop.plant.mass.shape[-1] <= SMALL:
+            return self._own(loop_margins(one.along(), self.criteria, crossings=False))
+        found = _Found(*(np.empty(len(ratio)) for _ in range(3)))
+        for row in np.unique(index):
+            at = np.flatnonzero(index == row)
+            curves = sampled_family(self.loop.take(row), self.tank, ratio[at], self.criteria, self.threshold)
+            part = self._own(loop_margins(one.take(at).along(), self.criteria, False, curves, self.threshold))
+            found.growth[at], found.margin[at], found.omega[at] = part.growth, part.margin, part.omega
+        return found
+
+    def _own(self, found: Margins) -> _Found:
+        margin, omega = found.slosh_disc_margin(self.tank)
+        return _Found(growth=found.growth[..., 0], margin=np.abs(margin[..., 0]), omega=omega[..., 0])
+
+    def growing(self, ratio: Array, index: IntArray) -> Array:
+        """Return the growth beyond `axis`, 1/s."""
+        return greatest_growth(with_ratio(self.loop, index, self.tank, ratio)) - self.axis
+
+    def short(self, growth: Array, margin: Array) -> Array:
+        """Return how far a margin is below the threshold; all of the threshold where the loop grows."""
+        # inf where no minimum is the tank's
+        return np.where(growth < self.axis, np.maximum(self.threshold - margin, -1e3), self.threshold)
+
+    def lacking(self, ratio: Array, index: IntArray) -> Array:
+        """Return how far the tank's margin is below the threshold."""
+        found = self.own_margin(ratio, index)
+        return self.short(found.growth, found.margin)
+
+    def from_above(self, grid: Array) -> _Found:
+        """Return what every loop shows on levels of damping, (size, levels), from the highest down.
+
+        Below the level where a loop is found unstable nothing is asked any more: it grows without end there.
+        """
+        shape = (int(np.prod(self.loop.batch)), len(grid))
+        scan = _Found(growth=np.full(shape, np.inf), margin=np.zeros(shape), omega=np.full(shape, np.nan))
+        rows, top = np.arange(shape[0]), shape[1]
+        while top > 0 and len(rows):
+            levels = np.arange(max(0, top - BLOCK), top)
+            index, ratio = np.repeat(rows, len(levels)), np.tile(grid[levels], len(rows))
+            found, at = self.own_margin(ratio, index), (index, np.tile(levels, len(rows)))
+            scan.growth[at], scan.margin[at], scan.omega[at] = found.growth, found.margin, found.omega
+            rows = rows[~np.any(scan.growth[np.ix_(rows, levels)] >= self.axis, axis=1)]
+            top = int(levels[0])
+        return scan
+
+    def required_candidate(self, low: Array, high: Array, index: IntArray, scan: _Found, grid: Array) -> Array:
+        """Return where the tank's least minimum reaches the threshold between two levels; nan where not proved."""
+        below = np.searchsorted(grid, low)
+        growth, margin, omega = (x[index, below] for x in (scan.growth, scan.margin, scan.omega))
+        above = scan.margin[index, below + 1]
+        signed = np.where(growth < self.axis, margin, -margin)
+        with np.errstate(divide="ignore", invalid="ignore"):  # no minimum of the tank's at one end: start in the middle
+            share = np.nan_to_num((self.threshold - signed) / (above - signed), nan=0.5)
+        start = omega, _between(low, high, np.clip(share, 0.05, 0.95))
+        ratio = touching_level(self.loop, index, self.tank, self.threshold, self.criteria, start, np.array([low, high]))
+        return self._proved(self.lacking, ratio, PROOF * ratio, index)
+
+    def neutral_candidate(self, low: Array, high: Array, index: IntArray) -> Array:
+        """Return where a pole crosses the imaginary axis between two dampings; nan where that is not proved."""
+        pair = with_ratio(self.loop, np.tile(index, 2), self.tank, np.concatenate([low, high]))
+        poles = closed_loop_eigenvalues(pair).reshape(2, len(index), -1)
+        first = np.nanargmax(np.where(poles.imag >= 0.0, poles.real, -np.inf), axis=-1)
+        pole = np.take_along_axis(poles, first[..., None], axis=-1)[..., 0]
+        share = np.clip(pole[0].real / (pole[0].real - pole[1].real), 0.05, 0.95)
+        start = np.maximum((1.0 - share) * pole[0].imag + share * pole[1].imag, 1e-300), _between(low, high, share)
+        ratio = touching_critical_point(self.loop, index, self.tank, start, np.array([low, high]))
+        return self._proved(self.growing, ratio, PROOF * ratio + 10.0 * NEUTRAL, index)
+
+    def _proved(self, function: Any, ratio: Array, apart: Array, index: IntArray) -> Array:
+        """Return the dampings just below which the function is positive and just above which it is not, else nan."""
+        known = np.flatnonzero(np.isfinite(ratio))
+        proved = np.full(len(ratio), np.nan)
+        if len(known):
+            ends = np.concatenate([np.maximum(ratio - apart, 0.0)[known], (ratio + apart)[known]])
+            below, above = function(ends, np.tile(index[known], 2)).reshape(2, -1)
+            proved[known] = np.where((below > 0.0) & (above <= 0.0), ratio[known], np.nan)
+        return proved
+
+
+def _between(low: Array, high: Array, share: Array) -> Array:
+    """Return a damping between two, geometrically but from nothing."""
+    return np.where(low > 0.0, np.maximum(low, 1e-300) ** (1.0 - share) * high**share, share * high)
 
 
 def joint_damping(case: Case) -> Array:
@@ -147,7 +256,7 @@ def joint_damping(case: Case) -> Array:
     reaches = [_reach(law) for law in laws]
     most = max([reach for reach in reaches if np.isfinite(reach)], default=0.0)
     axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
-    grid = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, LEVELS - 1)])
+    grid = damping_levels(LEVELS)
 
     def at_amplitude(amplitude: Array) -> Array:
         columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
@@ -182,19 +291,12 @@ def _reach(law: DampingLaw) -> float:
     return float(law.amplitude(MOST_RATIO)) if np.isinf(law.largest_amplitude) else law.largest_amplitude
 
 
-def _with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
-    """Return loops of the flattened batch, each with its own damping of one tank."""
-    one = loop.take(index)
-    damping = np.broadcast_to(one.damping, (*np.shape(ratio), one.damping.shape[-1])).copy()
-    damping[..., tank] = ratio
-    return replace(one, damping=damping)
-
-
-def supremum(bad: BoolArray, grid: Array, function: Any) -> Array:
+def supremum(bad: BoolArray, grid: Array, function: Any, candidate: Any = None) -> Array:
     """Return the greatest damping that is bad, refined between the last bad level and the next; 0 if none, nan if all.
 
     Args:
         bad: (size, levels), the verdict on the grid. function: positive where bad, of (ratio, index).
+        candidate: of (low, high, index): a fast way to where the function changes sign, nan where it finds nothing.
     """
     from scipy.optimize import elementwise  # 0.4 s: only when a requirement is wanted
 
@@ -202,6 +304,9 @@ def supremum(bad: BoolArray, grid: Array, function: Any) -> Array:
     none, all_ = ~np.any(bad, axis=1), bad[:, -1]
     result = np.where(none, 0.0, np.nan)
     rows = np.flatnonzero(~none & ~all_)
+    if candidate is not None and len(rows):
+        result[rows] = candidate(grid[last[rows]], grid[last[rows] + 1], rows)
+        rows = rows[np.isnan(result[rows])]
     if len(rows):
         low, high = grid[last[rows]], grid[last[rows] + 1]
         found = elementwise.find_root(

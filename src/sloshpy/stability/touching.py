@@ -1,0 +1,104 @@
+"""The damping of one tank at which a loop's curve just touches: a level of eq 24, or the critical point itself.
+
+Newton's method on the exact response from a start near by, many loops at once. Where it does not settle inside the
+bracket it says nan; what it finds is a candidate that its caller proves.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sloshpy.case import Criteria
+from sloshpy.dynamics.loop import Loop
+from sloshpy.dynamics.response import transfer
+from sloshpy.stability.nichols import nichols_disc_margin
+from sloshpy.units import Array, ComplexArray, IntArray
+
+ROUNDS = 30
+SETTLED = 1e-11  # relative change of the damping in the last round; the frequency is worth its square root
+FINE = 1e-2  # of a resonance's relative width, which is about the damping: the spacing of the differences
+
+_Response = Callable[[Array, Array], ComplexArray]  # of ln omega and ln damping, the loops on the first axis
+
+
+def with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
+    """Return loops of the flattened batch, each with its own damping of one tank."""
+    one = loop.take(index)
+    damping = np.broadcast_to(one.damping, (*np.shape(ratio), one.damping.shape[-1])).copy()
+    damping[..., tank] = ratio
+    return replace(one, damping=damping)
+
+
+def touching_level(
+    loop: Loop, index: IntArray, tank: int, level: float, criteria: Criteria, start: tuple[Array, Array], ends: Array
+) -> Array:
+    """Return the damping at which a minimum of eq 24 over frequency equals a level, (K,); nan where none is found.
+
+    Args:
+        loop: one loop or a batch. index: (K,), which loops of the flattened batch.
+        tank: number of the tank whose damping is sought.
+        level: of eq 24.
+        criteria: gain and phase margin of eq 24.
+        start: frequencies in rad/s and dampings, (K,) each.
+        ends: (2, K), the dampings between which it must lie.
+    """
+
+    def squared(x: Array, y: Array) -> Array:
+        L = _response(loop, index, tank)(x, y)
+        return nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin) ** 2
+
+    def step(x: Array, y: Array) -> tuple[Array, Array]:
+        """Solve D = level^2 and dD/dx = 0 for D = DM^2 by its values on a cross."""
+        h = FINE * np.maximum(np.exp(y), 1e-6)
+        k = np.full(len(y), 1e-4)
+        dx, dy = (np.array(p) for p in zip(*[(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], strict=True))
+        D = squared(x[:, None] + h[:, None] * dx, y[:, None] + k[:, None] * dy).reshape(-1, 3, 3)
+        D_x, D_y = (D[:, 2, 1] - D[:, 0, 1]) / (2.0 * h), (D[:, 1, 2] - D[:, 1, 0]) / (2.0 * k)
+        D_xx = (D[:, 2, 1] - 2.0 * D[:, 1, 1] + D[:, 0, 1]) / h**2
+        D_xy = (D[:, 2, 2] - D[:, 2, 0] - D[:, 0, 2] + D[:, 0, 0]) / (4.0 * h * k)
+        D_xx = np.where(D_xx > 0.0, D_xx, np.nan)  # no minimum here
+        size = D_x * D_xy - D_y * D_xx
+        rest = level**2 - D[:, 1, 1]
+        return (rest * D_xy + D_x * D_y) / size, (-D_x * D_x - rest * D_xx) / size
+
+    return _settled(step, start, ends)
+
+
+def touching_critical_point(loop: Loop, index: IntArray, tank: int, start: tuple[Array, Array], ends: Array) -> Array:
+    """Return the damping at which L(j omega) = -1 for some frequency, (K,); nan where none is found."""
+    response = _response(loop, index, tank)
+
+    def step(x: Array, y: Array) -> tuple[Array, Array]:
+        h = 1e-7  # relative; central differences of an analytic function, as in `nichols`
+        off = np.array([0.0, h, -h, 0.0, 0.0])
+        L = response(x[:, None] + off, y[:, None] + off[[0, 3, 4, 1, 2]])
+        L_x, L_y, rest = (L[:, 1] - L[:, 2]) / (2.0 * h), (L[:, 3] - L[:, 4]) / (2.0 * h), -1.0 - L[:, 0]
+        size = (np.conj(L_x) * L_y).imag
+        return -(np.conj(L_y) * rest).imag / size, (np.conj(L_x) * rest).imag / size
+
+    return _settled(step, start, ends)
+
+
+def _response(loop: Loop, index: IntArray, tank: int) -> _Response:
+    def response(x: Array, y: Array) -> ComplexArray:
+        rows = np.broadcast_to(index.reshape(-1, *np.ones(x.ndim - 1, dtype=int)), x.shape)
+        return transfer(with_ratio(loop, rows, tank, np.exp(y)), 1j * np.exp(x)).loop
+
+    return response
+
+
+def _settled(step: Callable[[Array, Array], tuple[Array, Array]], start: tuple[Array, Array], ends: Array) -> Array:
+    """Return the damping on which Newton's method settles from a start, nan where it does not or leaves the bracket."""
+    x, y = np.log(start[0]), np.log(start[1])
+    low, high = np.log(np.maximum(ends, 1e-300))
+    moved = np.full(len(y), np.inf)
+    for _ in range(ROUNDS):
+        with np.errstate(all="ignore"):  # where it fails, nan says so
+            dx, dy = step(x, y)
+            scale = np.maximum(np.maximum(np.abs(dx) / np.maximum(2.0 * np.exp(y), 1e-6), np.abs(dy) / 0.3), 1.0)
+        x, y = x + dx / scale, y + dy / scale
+        moved = np.abs(dy)
+        if np.all((moved < SETTLED) | np.isnan(moved)):
+            break
+    return np.where((moved < SETTLED) & (y >= low) & (y <= high), np.exp(y), np.nan)
