@@ -2,7 +2,8 @@
 
 The public names, in reading order; each is loaded when it is first used.
 
-    nouns        Case, Vehicle, SloshMass, FlexibleMode, Engine, Aerodynamics, Autopilot, Actuator, Filter, Criteria
+    nouns        Case, Vehicle, SloshMass, FlexibleMode, Engine, Aerodynamics, Autopilot, Actuator, Filter,
+                 DigitalFilter, Criteria
     damping      ConstantDamping, PowerDamping, TableDamping, SumDamping
     tanks        Tank, slosh_masses, slosh_masses_history, tank_damping, wall_damping, baffle_damping, read_tank,
                  read_fill_table, write_fill_history, plot_tank, plot_fill_history; shapes: Cylinder, Capsule, Sphere,
@@ -32,7 +33,7 @@ _ROOMS = {
     "case": ("Case", "Criteria"),
     "batch": ("for_each", "Answers"),
     "vehicle": ("Vehicle", "SloshMass", "FlexibleMode", "ModeShape", "ModeSlope", "Engine", "Aerodynamics"),
-    "autopilot": ("Autopilot", "Actuator", "Filter"),
+    "autopilot": ("Autopilot", "Actuator", "Filter", "DigitalFilter"),
     "tank": (
         "Tank",
         "slosh_masses",

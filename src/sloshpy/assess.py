@@ -23,6 +23,7 @@ from sloshpy.stability import (
     loop_margins,
     required_damping,
 )
+from sloshpy.stability.folding import folding
 from sloshpy.stability.margins import in_unit
 from sloshpy.units import Array, Real
 
@@ -241,6 +242,9 @@ def _verdict(
         all_.invalid.append(
             "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
         )
+    folded = folding(found)
+    if folded is not None:
+        (all_.told if folded.tolerated else all_.invalid).append(str(folded))
     _judge_loop(all_, case, found, poles, len(tanks))
     _judge_tanks(all_, case, tanks)
     for one in cycles or ():
@@ -252,7 +256,7 @@ def _verdict(
     if unsupported:
         all_.invalid.append(unsupported)
     verdict = "invalid" if all_.invalid and not all_.failed else "fail" if all_.failed else "pass"
-    if not found.trusted:
+    if not found.trusted or (folded is not None and not folded.tolerated):
         verdict = "invalid"
     first = (*all_.failed, *all_.invalid) if verdict == "fail" else (*all_.invalid, *all_.failed)
     rest = (*all_.told, *all_.cautions)

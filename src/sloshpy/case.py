@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from sloshpy.autopilot import Autopilot
+from sloshpy.errors import OutsideValidity
 from sloshpy.units import Quantity, refusal
 from sloshpy.vehicle import Vehicle
 from sloshpy.vehicle.slosh_mass import NAME
@@ -108,6 +109,12 @@ class Case(BaseModel):
         if fault is not None:
             raise refusal(*fault)
         return self
+
+
+def continuous(case: Case, verb: str) -> None:
+    """Refuse a digital autopilot where a verb knows no sampler."""
+    if case.autopilot.sample_time is not None:
+        raise OutsideValidity(f"{verb} knows no sampler: `simulate` does, and the limit cycles by one sinusoid")
 
 
 def accelerometer_fault(vehicle: Vehicle, autopilot: Autopilot) -> tuple[tuple[str | int, ...], str, str] | None:

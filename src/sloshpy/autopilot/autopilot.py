@@ -1,6 +1,9 @@
 """Gains, filters, delay and actuator.
 
 phi, phi', acc, Z, Z' --> a0 phi + a1 phi' + a2 acc + b0 Z + b1 Z' --> gain --> filters --> delay --> actuator --> beta
+
+A digital autopilot samples what the (analogue) filters give every T seconds, passes it through its digital filters and
+holds the command until the next: ... --> filters --> sampler --> gain --> digital filters --> hold --> delay --> ...
 """
 
 from typing import Annotated, Self
@@ -15,6 +18,7 @@ _CONFIG = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
 _Coefficients = tuple[Annotated[float, Quantity("1", "", "coefficient")], ...]
 _TWO_FORMS = "an actuator has frequency and damping, or numerator and denominator"
+DIGITAL_ROUNDING = 1e-6  # a pole this near the unit circle is one on it
 ROUNDING = 1e-12  # a root this near the imaginary axis, relative to its size, is one on it
 
 
@@ -127,6 +131,39 @@ class Filter(BaseModel):
         return self
 
 
+class DigitalFilter(BaseModel):
+    """A pulse transfer function, coefficients in descending powers of z: poles inside the unit circle, or one at 1."""
+
+    model_config = _CONFIG
+
+    numerator: _Coefficients = Field(min_length=1)
+    denominator: _Coefficients = Field(min_length=1)
+
+    @field_validator("numerator", "denominator")
+    @classmethod
+    def _leading_coefficient(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        return _led(value)
+
+    @model_validator(mode="after")
+    def _causal_and_stable(self) -> Self:
+        if len(self.numerator) > len(self.denominator):
+            raise refusal(("numerator",), "has more coefficients than the denominator", "a filter must be causal")
+        poles = np.roots(self.denominator)
+        wild = poles[(np.abs(poles) > 1.0 - DIGITAL_ROUNDING) & (np.abs(poles - 1.0) > DIGITAL_ROUNDING)]
+        if len(wild) or self.integrators > 1:
+            worst = complex(wild[np.argmax(np.abs(wild))]) if len(wild) else 1.0
+            rule = f"has a pole at z = {worst:.6g}" + ("" if len(wild) else f", {self.integrators}-fold")
+            cure = "poles lie inside the unit circle, or one at z = 1; coefficients are in descending powers of z"
+            raise refusal(("denominator",), rule, cure)
+        return self
+
+    @property
+    def integrators(self) -> int:
+        """How many poles lie at z = 1."""
+        # a pole of order k spreads over the k-th root of the rounding of the coefficients
+        return int(np.sum(np.abs(np.roots(self.denominator) - 1.0) < DIGITAL_ROUNDING))
+
+
 def _led(coefficients: tuple[float, ...]) -> tuple[float, ...]:
     if coefficients[0] == 0.0:
         raise refusal((), "must not start with 0", "drop the leading zeros")
@@ -154,6 +191,14 @@ class Autopilot(BaseModel):
     delay: Annotated[Real, Quantity("s", "tau", "pure delay in the loop", least=0.0, most=5.0)] = 0.0
     actuator: Actuator | None = None
     filter: tuple[Filter, ...] = ()
+    sample_time: (
+        Annotated[
+            float,
+            Quantity("s", "T", "period of a digital autopilot: sensors sampled, command held", above=0.0, most=5.0),
+        ]
+        | None
+    ) = None
+    digital_filter: tuple[DigitalFilter, ...] = ()
 
     @model_validator(mode="after")
     def _closes_the_loop(self) -> Self:
@@ -164,6 +209,39 @@ class Autopilot(BaseModel):
                 (self.mixed_drift,), "is 0 for some autopilots of the batch", "put those into a batch of their own"
             )
         return self
+
+    @model_validator(mode="after")
+    def _digital(self) -> Self:
+        if self.digital_filter and self.sample_time is None:
+            rule = "is missing: a digital filter works at it"
+            raise refusal(("sample_time",), rule, 'add sample_time = "20 ms"')
+        if sum(f.integrators for f in self.digital_filter) > 1:
+            rule = "integrates once more: two poles at z = 1 in all"
+            raise refusal(("digital_filter", len(self.digital_filter) - 1, "denominator"), rule, "leave one")
+        return self
+
+    @property
+    def hold(self) -> float:
+        """Delay of the zero-order hold, half a period, in s; 0 for a continuous autopilot."""
+        return 0.5 * (self.sample_time or 0.0)
+
+    @property
+    def dead_time(self) -> Real:
+        """Delay of the loop that turns its phase evenly, s: the pure delay and the hold's."""
+        return self.delay + self.hold if self.hold else self.delay
+
+    @property
+    def prompt(self) -> Self:
+        """The autopilot without delay and hold, its digital filters by continuous ones (bilinear)."""
+        continuous = tuple(_bilinear(f, self.sample_time or 0.0) for f in self.digital_filter)
+        update = {"delay": 0.0, "filter": self.filter + continuous, "sample_time": None, "digital_filter": ()}
+        return self.model_copy(update=update)
+
+    @property
+    def actuator_alone(self) -> Self:
+        """The actuator with nothing before it."""
+        update = {"filter": (), "delay": 0.0, "gain": 1.0, "sample_time": None, "digital_filter": ()}
+        return self.model_copy(update=update)
 
     @property
     def mixed_drift(self) -> str:
@@ -189,3 +267,21 @@ class Autopilot(BaseModel):
                 "a degradation needs a gain ratio > 0 and leaves a delay >= 0 s; no delay is a phase advance"
             )
         return self.model_copy(update={"gain": self.gain * gain, "delay": self.delay + delay})
+
+
+def _bilinear(f: DigitalFilter, T: float) -> Filter:
+    """Return a digital filter with z = (2/T + s) / (2/T - s): the same near and below a tenth of the sampling rate."""
+    order = len(f.denominator) - 1
+    plus, minus = np.array([1.0, 2.0 / T]), np.array([-1.0, 2.0 / T])
+    polynomials = []
+    for z in (f.numerator, f.denominator):
+        total = np.zeros(order + 1)
+        for k, c in enumerate(reversed(z)):  # of z^k
+            part = np.array([c])
+            for factor in [plus] * k + [minus] * (order - k):
+                part = np.convolve(part, factor)
+            total += part
+        polynomials.append(total / (2.0 / T) ** order)
+    size = np.max(np.abs(polynomials[0]))
+    top = np.where(np.abs(polynomials[0]) < ROUNDING * size, 0.0, polynomials[0])  # a zero at z = -1 lies at infinity
+    return Filter(numerator=tuple(np.trim_zeros(top, "f")), denominator=tuple(polynomials[1]))

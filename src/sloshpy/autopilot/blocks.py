@@ -77,13 +77,15 @@ def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:
 def series_blocks(autopilot: Autopilot, delay_parts: int = 1) -> list[Block]:
     """Return the blocks from the gain's output to the engine angle in signal order; a zero delay is no block.
 
+    Of a digital autopilot approximations: its filters bilinear, its hold as half a period of delay.
+
     The delay is a chain of so many equal parts, each approximated: the longer the chain, the higher the frequency to
     which it holds (about 8 radians for each part).
     """
-    blocks = [filter_block(f) for f in autopilot.filter]
-    if np.any(np.asarray(autopilot.delay) > 0.0):
+    blocks = [filter_block(f) for f in autopilot.prompt.filter]
+    if np.any(np.asarray(autopilot.dead_time) > 0.0):
         # a batch may hold zero delays: a start is wanted there too, and entries that leave the eigenvalues their digits
-        blocks += delay_parts * [delay_block(np.maximum(autopilot.delay, LEAST_DELAY) / delay_parts)]
+        blocks += delay_parts * [delay_block(np.maximum(autopilot.dead_time, LEAST_DELAY) / delay_parts)]
     if autopilot.actuator is not None:
         blocks.append(actuator_block(autopilot.actuator))
     return blocks

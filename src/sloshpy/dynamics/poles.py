@@ -10,6 +10,7 @@ from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import slosh_damping, without_drift
 from sloshpy.dynamics.response import transfer
+from sloshpy.dynamics.sampled import sampled_loop
 from sloshpy.dynamics.sensed import bordering_row, fed
 from sloshpy.units import Array, ComplexArray
 
@@ -106,7 +107,7 @@ HEARD = 0.5  # loop gain below which 1 + L does not come near zero, whatever the
 
 
 def _without_delay(loop: Loop) -> Loop:
-    return replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))
+    return replace(loop, autopilot=loop.autopilot.prompt)
 
 
 def _reach(loop: Loop) -> Array:
@@ -126,9 +127,9 @@ def _reach(loop: Loop) -> Array:
 
 def _delay_parts(loop: Loop) -> int:
     """Return how many parts the delay of a loop, or of the worst of a batch, is approximated in."""
-    if not np.any(loop.autopilot.delay):
+    if not np.any(loop.autopilot.dead_time):
         return 1
-    return int(np.clip(np.ceil(np.max(_reach(loop) * loop.autopilot.delay) / PART), 1, MOST_PARTS))
+    return int(np.clip(np.ceil(np.max(_reach(loop) * loop.autopilot.dead_time) / PART), 1, MOST_PARTS))
 
 
 def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
@@ -263,6 +264,8 @@ def greatest_growth(loop: Loop) -> Array:
 def unstable_count(loop: Loop, decades: float = 4.0) -> int:
     """Count closed-loop poles in the right half-plane by encirclement, without an eigenvalue.
 
+    Of a digital autopilot the poles outside the unit circle, of the sampled loop without approximation.
+
     The winding of det T(j omega), which is 1 + L cleared of its denominators, against a polynomial of the same degree
     whose roots all lie left (argument principle on the exact loop, delay included). The path is halved until no
     piece turns by more than half a radian.
@@ -271,6 +274,8 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
         loop: one loop, no batch.
         decades: reach of the path beyond the loop's own frequencies; the winding there is checked to have died out.
     """
+    if loop.autopilot.sample_time is not None:
+        return int(np.sum(np.abs(sampled_loop(loop).poles) > 1.0))
     scale = np.abs(np.linalg.eigvals(system_matrix(_without_delay(loop), closed=False)[0]))  # a delay has no poles
     scale = scale[scale > 1e-4 * np.min(loop.plant.tank_frequency, initial=1e-2 * np.max(scale))]
     if loop.plant.guided:  # slow poles that leave the origin only in the closed loop

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from sloshpy.autopilot import Actuator, Autopilot, Filter
+from sloshpy.autopilot import Actuator, Autopilot, DigitalFilter, Filter
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
 from sloshpy.errors import Problem
@@ -30,6 +30,7 @@ _NOUNS: dict[Path, type[BaseModel]] = {
     ("tank",): SloshMass,
     ("autopilot",): Autopilot,
     ("autopilot", "filter"): Filter,
+    ("autopilot", "digital_filter"): DigitalFilter,
     ("autopilot", "actuator"): Actuator,
     ("criteria",): Criteria,
     ("flexible_mode",): FlexibleMode,
@@ -155,7 +156,7 @@ def _rule_and_cure(kind: str, path: Path, document: Any, error: ErrorDetails) ->
             return "must be a table", 'write { law = "constant", ratio = 0.01 } or another law'
         return "must be a table", "its keys are " + ", ".join(keys_at(path, document))
     if kind in {"tuple_type", "list_type"}:
-        if path in {("tank",), ("flexible_mode",), ("autopilot", "filter")}:
+        if path in {("tank",), ("flexible_mode",), ("autopilot", "filter"), ("autopilot", "digital_filter")}:
             return "must be an array of tables", f"write its header as [[{'.'.join(map(str, path))}]]"
         return "must be a list", "write it in [ ]"
     return error["msg"][:1].lower() + error["msg"][1:], "see the JSON schema of the case file"

@@ -87,8 +87,9 @@ def case_text(case: Case) -> str:
         lines += _table("[autopilot.actuator]", autopilot.actuator, type(autopilot.actuator))[:-1]
         fraction = {"numerator": autopilot.actuator.numerator, "denominator": autopilot.actuator.denominator}
         lines += [f"{key} = {_list(x)}" for key, x in fraction.items() if x is not None] + [""]
-    for filter_ in autopilot.filter:
-        lines += ["[[autopilot.filter]]", f"numerator = {_list(filter_.numerator)}"]
+    filters = [("filter", f) for f in autopilot.filter] + [("digital_filter", f) for f in autopilot.digital_filter]
+    for key, filter_ in filters:
+        lines += [f"[[autopilot.{key}]]", f"numerator = {_list(filter_.numerator)}"]
         lines += [f"denominator = {_list(filter_.denominator)}", ""]
     lines += _table("[criteria]", case.criteria, Criteria)
     return "\n".join(lines).rstrip() + "\n"

@@ -90,7 +90,7 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
     laws = [t.damping for t in case.vehicle.tanks]
     actuator = case.autopilot.actuator
     assert actuator is not None
-    bare = case.autopilot.model_copy(update={"filter": (), "delay": 0.0, "gain": 1.0})
+    bare = case.autopilot.actuator_alone
 
     def read(k: complex) -> tuple[Mode | None, float]:
         """Return the mode with an engine factor, and the command amplitude it asks for."""

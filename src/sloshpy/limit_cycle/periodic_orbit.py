@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.batch import single
-from sloshpy.case import Case
+from sloshpy.case import Case, continuous
 from sloshpy.damping import DampingLaw, ratios
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.errors import OutsideValidity
@@ -178,6 +178,7 @@ def periodic_orbit(case: Case, cycle: Cycle | None = None, harmonics: int = 128)
             from; no periodic motion was found; it leaves the damping data; the engine meets a limit of its actuator.
     """
     single(case, "periodic_orbit")
+    continuous(case, "periodic_orbit")
     for tank in case.vehicle.tanks:
         if tank.damping.smallest_amplitude > 0.0:
             raise OutsideValidity(

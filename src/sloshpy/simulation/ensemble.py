@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sloshpy.case import Case
+from sloshpy.case import Case, continuous
 from sloshpy.damping import AnyDamping, ConstantDamping, PowerDamping, SumDamping
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import controller, system_matrix
@@ -94,6 +94,7 @@ def simulate_ensemble(
     limits = case.autopilot.actuator
     if limits is not None and limits.limited:
         raise OutsideValidity("the ensemble has no actuator limits or dead band: simulate each case, or drop them")
+    continuous(case, "simulate_ensemble")
     constant, coefficient, exponent = _laws(case)
     loop = open_loop(case, constant)
     modal = _modal(loop, case, initial_slosh)

@@ -155,8 +155,7 @@ def _responses(loop: Loop, omega: Array, which: str) -> tuple[ComplexArray, Comp
     T, _ = characteristic_matrix(loop.along(), s)
     right = np.zeros(T.shape[:-1], dtype=complex)
     if which == "engine":  # enters before the actuator: d beta = n y + d (actuator) disturbance
-        actuator = loop.autopilot.model_copy(update={"filter": (), "delay": 0.0, "gain": 1.0})
-        right[:, -1] = forward_fraction(loop.autopilot, s)[1] * forward_transfer(actuator, s)
+        right[:, -1] = forward_fraction(loop.autopilot, s)[1] * forward_transfer(loop.autopilot.actuator_alone, s)
     else:  # alpha = phi - (Z' - wind) / V: the wind pushes where Z' resists
         right[:, :-1] = loop.plant.damping[:, 0]
     x = np.linalg.solve(T, right[..., None])[..., 0]

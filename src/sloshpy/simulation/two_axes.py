@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.batch import single
-from sloshpy.case import Case
+from sloshpy.case import Case, continuous
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.errors import OutsideValidity
@@ -96,6 +96,7 @@ def simulate_two_axes(
     cases = (pitch, pitch if yaw is None else yaw)
     for case in cases:
         single(case, "simulate_two_axes")
+        continuous(case, "simulate_two_axes")
         limits = case.autopilot.actuator
         if limits is not None and limits.limited:
             raise OutsideValidity("two axes are simulated without actuator limits or dead band: leave the limits out")

@@ -128,7 +128,8 @@ def danger_zone(case: Case, tank: int | str = 0) -> DangerZone:
 
 def _beyond_pd(a: Autopilot) -> bool:
     """Return whether a loop holds more than the PD control of the closed form."""
-    return bool(a.filter or a.actuator or any(np.any(x) for x in (a.delay, a.drift_gain, a.drift_rate_gain)))
+    beyond = a.filter or a.actuator or a.sample_time
+    return bool(beyond or any(np.any(x) for x in (a.delay, a.drift_gain, a.drift_rate_gain)))
 
 
 def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
@@ -138,8 +139,11 @@ def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
     parts = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
     parts += [autopilot.actuator.fraction] if autopilot.actuator is not None else []
     lag = sum(
-        (_phase(bottom, omega) - _phase(top, omega) for top, bottom in parts), np.asarray(autopilot.delay) * omega
+        (_phase(bottom, omega) - _phase(top, omega) for top, bottom in parts), np.asarray(autopilot.dead_time) * omega
     )
+    for f in autopilot.digital_filter:
+        turn = omega * (autopilot.sample_time or 0.0)
+        lag = lag + _pulse_phase(f.denominator, turn) - _pulse_phase(f.numerator, turn)
     return np.asarray(np.arctan2(a1 * omega, a0) - lag)
 
 
@@ -149,6 +153,20 @@ def _phase(polynomial: Array, omega: Array) -> Array:
     still = np.prod(-roots[roots != 0.0]) * polynomial[0]  # what is left at omega = 0, real
     turned = [np.angle(1.0 - 1j * omega / r) if r != 0.0 else np.full(omega.shape, np.pi / 2.0) for r in roots]
     return np.asarray(sum(turned, np.full(omega.shape, np.angle(still.real))))
+
+
+def _pulse_phase(polynomial: tuple[float, ...], angle: Array) -> Array:
+    """Return the phase of a polynomial in z at z = e^{j angle}, continuous from angle 0 to pi: each root by itself."""
+    roots = np.roots(polynomial)
+    z = np.exp(1j * angle)
+    still = np.prod(1.0 - roots[roots != 1.0]) * polynomial[0]  # what is left at z = 1, real
+    total = np.full(z.shape, np.angle(still.real))
+    for r in roots:
+        if abs(r) <= 1.0:  # z - r = z (1 - r/z), whose second factor stays in the right half-plane
+            total += angle + np.angle(1.0 - r / z) - (0.0 if r == 1.0 else np.angle(1.0 - r))
+        else:
+            total += np.angle(1.0 - z / r) - np.angle(1.0 - 1.0 / r)
+    return np.asarray(total)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,7 @@ def sampled_family(loop: Loop, tank: int, ratio: Array, criteria: Criteria, belo
     L = response(omega)
     sound = np.all(np.isfinite(L) & (L != 0.0), axis=0)
     omega, L = omega[sound], L[:, sound]
-    tau = float(loop.autopilot.delay)
+    tau = float(loop.autopilot.dead_time)
     among: IntArray = np.arange(len(omega) - 1)
     for _ in range(40):
         turn = tau * (omega[among + 1] - omega[among])

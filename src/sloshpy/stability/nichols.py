@@ -97,7 +97,7 @@ def _divisible(curves: Curves) -> BoolArray:
 
 def _steps(loop: Loop, curves: Curves, k: IntArray) -> ComplexArray:
     """Return the change of ln L along the pieces k; the delay's part of the phase is known and never wraps."""
-    turn = np.asarray(loop.take(curves.index[k]).autopilot.delay) * (curves.omega[k + 1] - curves.omega[k])
+    turn = np.asarray(loop.take(curves.index[k]).autopilot.dead_time) * (curves.omega[k + 1] - curves.omega[k])
     with np.errstate(divide="ignore", invalid="ignore"):  # between two curves; unused
         return np.asarray(np.log(curves.loop[k + 1] / curves.loop[k] * np.exp(1j * turn)) - 1j * turn)
 
@@ -179,7 +179,7 @@ def placed(loop: Loop) -> tuple[IntArray, Array]:
     The delay is left out: it has no poles, and it turns the loop evenly, which the halving follows.
     """
     batch = loop.batch
-    prompt = replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))
+    prompt = replace(loop, autopilot=loop.autopilot.prompt)
     broken, _ = system_matrix(prompt, closed=False)
     closed, _ = system_matrix(prompt)
     features = [np.linalg.eigvals(broken), np.linalg.eigvals(closed), _zeros(loop)]
@@ -192,6 +192,8 @@ def placed(loop: Loop) -> tuple[IntArray, Array]:
     own = np.where(size > least * np.min(slow, axis=-1, keepdims=True, initial=np.inf), size, np.nan)
     low, high = np.nanmin(own, axis=-1), np.nanmax(own, axis=-1)
     low, high = low * 1e-2, _rolled_off(loop, high * 10.0)
+    if loop.autopilot.sample_time is not None:
+        high = np.minimum(high, np.pi / loop.autopilot.sample_time)  # beyond, a sampler shows the same again
     width = np.maximum(np.abs(p.real), 1e-9 * size)
     steps = 0.7 * 3.0 ** np.arange(20)
     offsets = np.concatenate([-steps, steps])  # never on an undamped pole itself, where L is infinite
@@ -243,11 +245,14 @@ def _rated(loop: Loop) -> BoolArray:
 
 
 def loop_zeros(loop: Loop) -> ComplexArray:
-    """Return the finite zeros of one loop: those of the plant from engine to sensor, and of the forward path."""
+    """Return the finite zeros of one loop: those of the plant from engine to sensor, and of the forward path.
+
+    Of digital filters those of their bilinear transforms.
+    """
     zeros = _zeros(loop)
     order = 0 if np.any(loop.autopilot.accelerometer_gain) else 1 if np.all(_rated(loop)) else 2
     own = zeros[np.argsort(np.abs(zeros))[order:]]
-    tops = [np.array(f.numerator) for f in loop.autopilot.filter]
+    tops = [np.array(f.numerator) for f in loop.autopilot.prompt.filter]
     if loop.autopilot.actuator is not None:
         tops.append(loop.autopilot.actuator.fraction[0])
     return np.concatenate([own, *(np.roots(top) for top in tops)]).astype(complex)
