@@ -54,7 +54,6 @@ def test_a_filter_designed_in_python_control_acts_the_same_in_the_loop():
 @pytest.mark.parametrize(
     ("system", "message"),
     [
-        (control.tf([1.0], [1.0, 1.0], 0.1), "discrete"),
         (control.ss(-np.eye(2), np.eye(2), np.eye(2), 0), "2 inputs"),
         (control.tf([1.0], np.poly(-np.arange(1.0, 13.0))), "order 12"),
         (3.0, "float"),
