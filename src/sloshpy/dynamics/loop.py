@@ -51,29 +51,29 @@ class Loop:
             *(np.shape(getattr(a, name)) for name in _NUMBERS),
         )
 
+    def others(self, depth: int) -> list[tuple[int, ...]]:
+        """Return the batch shapes of all but the slosh damping, those of fewer axes than `depth` as ()."""
+        p, a = self.plant, self.autopilot
+        shapes = [x.shape[: x.ndim - own] for k, own in _ARRAYS.items() if (x := getattr(p, k)) is not None]
+        shapes += [np.shape(getattr(a, name)) for name in _NUMBERS]
+        return [shape if len(shape) == depth else () for shape in shapes]
+
     def along(self) -> "Loop":
         """Return the loop with a new last batch axis of length one, along which frequencies or poles run."""
         return self._mapped(lambda x, own: np.expand_dims(x, x.ndim - own))
 
     def take(self, index: IntArray) -> "Loop":
         """Return loops picked from the flattened batch; `index` holds integers of any shape."""
-        batch = self.batch
         chosen = np.asarray(index, dtype=int)
+        place = np.unravel_index(chosen, self.batch) if self.batch else ()
+        first = np.zeros_like(chosen)
 
         def pick(x: Array, own: int) -> Array:
-            inner = x.shape[x.ndim - own :]
-            if x.shape == inner:
+            axes = x.shape[: x.ndim - own]
+            if not axes:
                 return x
-            return np.asarray(np.broadcast_to(x, batch + inner).reshape((-1, *inner))[chosen])
-
-        return self._mapped(pick)
-
-    def part(self, rows: slice) -> "Loop":
-        """Return some of the loops along the first batch axis."""
-        depth = len(self.batch)
-
-        def pick(x: Array, own: int) -> Array:
-            return x[rows] if x.ndim - own == depth and x.shape[0] > 1 else x
+            at = place[len(place) - len(axes) :]
+            return np.asarray(x[tuple(k if size > 1 else first for k, size in zip(at, axes, strict=True))])
 
         return self._mapped(pick)
 

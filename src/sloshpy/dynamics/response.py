@@ -113,18 +113,21 @@ def excess_damping(loop: Loop) -> Array:
     return np.asarray(2.0 * (loop.damping - REFERENCE_DAMPING) * loop.plant.tank_frequency)
 
 
-def at_reference(loop: Loop, s: ComplexArray) -> tuple[ComplexArray, ...]:
-    """Return K y_b, K Y_a, z_b and Z_a with every tank at the reference damping; the batch's damping plays no part."""
+def at_reference(loop: Loop, s: ComplexArray, ratio: Real = REFERENCE_DAMPING) -> tuple[ComplexArray, ...]:
+    """Return K y_b, K Y_a, z_b and Z_a with every tank at a reference damping; the batch's damping plays no part.
+
+    ratio: damping ratios, one for all tanks or (..., n_tanks).
+    """
     p = loop.plant
     row, at_once = sensed_row(loop, s)
     K = forward_transfer(loop.autopilot, s)
     if p.mass.shape[-1] == 2 and len(p.tanks) == 1:
-        (phi_b, z_b), (phi_a, z_a) = _two_coordinates(loop, s)
+        (phi_b, z_b), (phi_a, z_a) = _two_coordinates(loop, s, ratio)
         Y_b, Y_a = (K * (row[..., 0] * phi + row[..., 1] * z) for phi, z in ((phi_b, z_b), (phi_a, z_a)))
         if not isinstance(at_once, float):
             Y_b = Y_b + K * at_once
         return Y_b, Y_a[..., None], z_b[..., None], z_a[..., None, None]
-    q = _coordinates(loop, s)
+    q = _coordinates(loop, s, ratio)
     Y = K[..., None] * np.sum(row[..., None] * q, axis=-2)
     return Y[..., 0] + K * at_once, Y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
 
@@ -161,22 +164,22 @@ def _stiffness(loop: Loop, s: ComplexArray, ratio: Real) -> ComplexArray:
     return D
 
 
-def _coordinates(loop: Loop, s: ComplexArray) -> ComplexArray:
+def _coordinates(loop: Loop, s: ComplexArray, ratio: Real) -> ComplexArray:
     """Return q for a unit engine angle and for unit accelerations on the slosh masses, (..., n, 1 + n_tanks)."""
     p = loop.plant
     n_tanks = len(p.tanks)
-    D = _stiffness(loop, s, REFERENCE_DAMPING)
+    D = _stiffness(loop, s, ratio)
     right = np.zeros((*D.shape[:-1], 1 + n_tanks), dtype=complex)
     right[..., 0] = p.engine_force(s)
     right[..., np.arange(p.first_tank, p.first_tank + n_tanks), np.arange(n_tanks) + 1] = p.tank_mass
     return np.asarray(np.linalg.solve(D, right))
 
 
-def _two_coordinates(loop: Loop, s: ComplexArray) -> tuple[tuple[ComplexArray, ComplexArray], ...]:
+def _two_coordinates(loop: Loop, s: ComplexArray, ratio: Real) -> tuple[tuple[ComplexArray, ComplexArray], ...]:
     """Return (phi, z) for each of the two, one tank on a rigid vehicle, by Cramer's rule: ten times as fast."""
     p = loop.plant
     squared: Any = s * s if np.any(s.real) else -(s.imag**2)  # real on the axis, which halves the work
-    damping = p.damping + np.diag([0.0, 1.0]) * slosh_damping(p, np.asarray(REFERENCE_DAMPING))[..., None]
+    damping = p.damping + np.diag([0.0, 1.0]) * slosh_damping(p, np.asarray(ratio))[..., None]
 
     def entry(i: int, j: int) -> Any:
         plain = squared * p.mass[..., i, j] + p.stiffness[..., i, j]

@@ -12,12 +12,12 @@ import numpy as np
 from sloshpy.case import Criteria
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.poles import greatest_growth
-from sloshpy.dynamics.response import at_reference, excess_damping, transfer
+from sloshpy.dynamics.response import at_reference, transfer
 from sloshpy.stability.nichols import nichols_disc_margin
-from sloshpy.units import Array, BoolArray, IntArray
+from sloshpy.units import Array, BoolArray, ComplexArray, IntArray
 
-GROUP = 32  # vehicles solved at a time: bounds the memory
 BLOCK = 80000  # values worked on at a time: their scratch arrays stay in the processor's cache
+_ROUNDING = 1e-6  # of single precision in the bound of `_nearest`, several times what it is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,21 +47,22 @@ def grid_sweep(loop: Loop, omega: Array, criteria: Criteria) -> GridSweep:
         omega: (F,), rad/s.
         criteria: gain and phase margin of eq 24.
     """
-    batch, n_tanks = loop.batch, len(loop.plant.tanks)
-    survey = _one_tank if n_tanks == 1 and len(batch) >= 1 and loop.damping.ndim >= 2 else _any_tanks
+    batch = loop.batch
     omega = np.asarray(omega, dtype=float)
-    parts = [loop.part(slice(k, k + GROUP)) for k in range(0, batch[0], GROUP)] if batch else [loop]
-    found = [survey(part, omega, criteria) for part in parts]
-    squared, where, gain = (np.concatenate(x) if batch else x[0] for x in zip(*found, strict=True))
+    line = _line(loop)
+    found = None if line is None else _on_line(loop, line, omega, criteria)
+    squared, where, gain = _one_by_one(loop, omega, criteria) if found is None else found
     return GridSweep(
-        least=np.sqrt(squared), omega=omega[where], slosh=np.sqrt(gain), stable=greatest_growth(loop) < 0.0
+        least=np.sqrt(squared).reshape(batch),
+        omega=omega[where].reshape(batch),
+        slosh=np.sqrt(gain).reshape(batch),
+        stable=greatest_growth(loop) < 0.0,
     )
 
 
-def _any_tanks(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Array, Array]:
-    """Return squared least distance, its position and squared slosh gain, one loop of the batch after another."""
-    batch = loop.batch
-    size = int(np.prod(batch))
+def _one_by_one(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, IntArray, Array]:
+    """Return squared least distance, its position and squared slosh gain of every loop of the flattened batch."""
+    size = int(np.prod(loop.batch))
     squared, where, gain = np.empty(size), np.empty(size, dtype=int), np.empty(size)
     some = max(1, BLOCK // len(omega))
     for k in range(0, size, some):
@@ -71,82 +72,134 @@ def _any_tanks(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Arr
         where[index] = np.argmin(distance, axis=-1)
         squared[index] = np.min(distance, axis=-1) ** 2
         gain[index] = np.max(np.abs(part.slosh), axis=(-1, -2)) ** 2
-    return squared.reshape(batch), where.reshape(batch), gain.reshape(batch)
+    return squared, where, gain
 
 
-def _one_tank(loop: Loop, omega: Array, criteria: Criteria) -> tuple[Array, Array, Array]:
-    """Return the same for one tank, where L is a ratio of first-degree polynomials in the damping d.
+@dataclass(frozen=True)
+class _Line:
+    """Dampings along the last axis of a batch as base + t direction, the same for every vehicle; t >= 0, (D,)."""
 
-    -L = Y_b - d W / (1 + d V) and z/beta = z_b / (1 + d V) with V = s Z_a and W = s Y_a z_b. Written in real arithmetic
-    on arrays that are used again, d W / (1 + d V) as d (W + d V* W) / |1 + d V|^2: numpy's complex division and fresh
-    arrays would take most of the time.
+    base: Array
+    direction: Array
+    t: Array
+
+
+def _line(loop: Loop) -> _Line | None:
+    """Return the line on which the dampings of a batch lie where only they change along its last axis, else None."""
+    batch, xi = loop.batch, loop.damping
+    n = len(loop.plant.tanks)
+    if not batch or n == 0 or xi.ndim < 2 or xi.shape[-2] != batch[-1] or np.prod(xi.shape[:-2]) != 1:
+        return None
+    if any(shape and shape[-1] != 1 for shape in loop.others(len(batch))):
+        return None
+    xi = xi.reshape(batch[-1], n)
+    widest = int(np.argmax(np.ptp(xi, axis=0)))
+    order = np.argsort(xi[:, widest])
+    base, far = xi[order[0]], xi[order[-1]]
+    t = xi[:, widest] - base[widest]
+    direction = (far - base) / t[order[-1]] if t[order[-1]] > 0.0 else np.zeros(n)
+    if np.max(np.abs(base + t[:, None] * direction - xi)) > 1e-15:
+        return None
+    return _Line(base, direction, t)
+
+
+def _on_line(
+    loop: Loop, line: _Line, omega: Array, criteria: Criteria
+) -> tuple[Array, IntArray, Array] | None:
+    """Return what `_one_by_one` does for dampings on a line, or None where a base stands on an undamped pole.
+
+    Each vehicle is solved once at each frequency; along the line -L and z_j/beta are ratios of polynomials in t, whose
+    evaluation is a matrix product. With t >= 0 no term cancels another: a damper only takes.
     """
     batch = loop.batch
-    line = loop.along()
-    s = 1j * omega
-    Y_b, Y_a, z_b, Z_a = at_reference(line, s)  # the damping plays no part in these
-    size, F = int(np.prod(batch)), len(omega)
-    d = np.broadcast_to(excess_damping(loop)[..., 0], batch).reshape(-1)
-    d = np.stack([np.ones_like(d), d], axis=-1)
-    V, W, power = s * Z_a[..., 0, 0], s * Y_a[..., 0] * z_b[..., 0], np.abs(z_b[..., 0]) ** 2
-    lines: list[tuple[Any, Any]] = [
-        (np.ones_like(V), V),
-        (W, np.conj(V) * W),
-    ]  # constant and slope in d of 1 + d V and W + d V* W
-    pairs: list[tuple[Any, Any]] = [(part(a), part(b)) for part in (np.real, np.imag) for a, b in lines]
-    pairs += [(Y_b.real, Y_b.imag), (power, power)]
-    parts = [[np.broadcast_to(x, (*batch, F)) for x in pair] for pair in pairs]
+    size, inner, F = int(np.prod(batch)), batch[-1], len(omega)
     squared, where, gain = np.empty(size), np.empty(size, dtype=int), np.empty(size)
-    some = max(1, BLOCK // F)
-    scratch = np.empty((4, some, F))
     weight = 0.5 * criteria.phase_margin / np.log(criteria.gain_margin)  # of log|L|^2 against the phase
-    outer, inner = int(np.prod(batch[:-1])), batch[-1]
-    for i in range(outer):
-        at = np.unravel_index(i, batch[:-1])
-        shared = parts[0][1][at].strides[0] == 0  # one vehicle along the last axis, which is then a damping axis
-        rows_of = [np.stack([x[at][0] if shared else x[at] for x in pair], axis=-2) for pair in parts]
+    some = max(1, BLOCK // F)
+    scratch = np.empty((5, min(some, inner), F))
+    for i in range(size // inner):
+        try:
+            top, bottom, slosh = _polynomials(loop.take(np.asarray(i * inner)), line, omega)
+        except np.linalg.LinAlgError:
+            return None
+        parts = [np.ascontiguousarray(part) for part in (top.real, top.imag, bottom.real, bottom.imag)]
         for k in range(0, inner, some):
-            rows = slice(k, min(k + some, inner))
-            here = rows_of if shared else [x[rows] for x in rows_of]
-            flat = slice(i * inner + k, i * inner + rows.stop)
-            x, y, slosh = _minus_loop(d[flat], here, scratch[:, : rows.stop - k])
-            where[flat], squared[flat] = _nearest(x, y, weight)
-            gain[flat] = np.max(slosh, axis=-1)
-    squared /= criteria.phase_margin**2
-    return squared.reshape(batch), where.reshape(batch), gain.reshape(batch)
+            t = line.t[k : k + some]
+            rows = slice(i * inner + k, i * inner + k + len(t))
+            x, y, most = _evaluated(t, parts, slosh, scratch[:, : len(t)])
+            where[rows], squared[rows] = _nearest(x, y, weight)
+            gain[rows] = np.max(most, axis=-1)
+    return squared / criteria.phase_margin**2, where, gain
 
 
-def _line(d: Array, pair: Array, out: Array) -> Array:
-    """Return constant + d slope in `out`; `pair` holds both in rows, one pair for all (1, d) or one for each."""
-    if pair.ndim == 2:
-        return np.matmul(d, pair, out=out)
-    np.multiply(d[:, 1:], pair[:, 1], out=out)
-    out += pair[:, 0]
-    return out
+def _polynomials(loop: Loop, line: _Line, omega: Array) -> tuple[ComplexArray, ComplexArray, Array]:
+    """Return numerator and denominator of -L in rising powers of t, (k + 1, F), and |numerator of z_j/beta|^2.
+
+    The feedback of t direction closes z = (1 + t M)^-1 z_b with M = Z_a diag(2 s w direction). By the recursion of
+    Faddeev and Le Verrier det(1 + t M) = sum e_j t^j and adj(1 + t M) = sum B_j t^j with e_j = tr(M B_{j-1})/j and
+    B_j = e_j - M B_{j-1}; k is the number of tanks that change, and the rank of M.
+    """
+    Y_b, Y_a, z_b, Z_a = (np.moveaxis(x, 0, -1) for x in at_reference(loop, 1j * omega, line.base))
+    tanks = len(line.base)
+    rate = 2j * omega * (loop.plant.tank_frequency * line.direction)[:, None]
+    M, row, order = Z_a * rate, Y_a * rate, int(np.count_nonzero(line.direction))
+    e, v = [np.ones_like(Y_b)], [z_b]
+    B = np.eye(tanks)[..., None] + 0.0 * M
+    for j in range(1, order + 1):
+        MB = M if j == 1 else _product(M, B)
+        e.append(np.einsum("iif->f", MB) / j)
+        if j < order:
+            B = np.eye(tanks)[..., None] * e[j] - MB
+            v.append(np.sum(B * z_b, axis=1))
+    top = [Y_b, *(Y_b * e[j] - np.sum(row * v[j - 1], axis=0) for j in range(1, order + 1))]
+    slosh = np.zeros((tanks, 2 * len(v) - 1, len(omega)))
+    for a, first in enumerate(v):
+        for b, second in enumerate(v):
+            slosh[:, a + b] += (first * np.conj(second)).real
+    if len(v) == 1:  # free of t: only the greatest counts
+        slosh = np.max(slosh, axis=0, keepdims=True)
+    return np.array(top), np.array(e), slosh
 
 
-def _minus_loop(d: Array, here: list[Array], scratch: Array) -> tuple[Array, Array, Array]:
-    """Return x and y of -L = x + j y and the squared slosh gain, in three of the scratch arrays."""
-    V_re, W_re, V_im, W_im, Y, power = here
-    r, x, y, t = scratch
-    _line(d, V_re, x)
-    _line(d, V_im, y)
-    np.multiply(x, x, out=r)
-    np.multiply(y, y, out=t)
-    r += t
-    np.divide(1.0, r, out=r)  # 1/|1 + d V|^2
-    np.multiply(r, d[:, 1:], out=t)
-    r *= power[..., 0, :]
-    _line(d, W_re, x)
-    x *= t
-    np.subtract(Y[..., 0, :], x, out=x)
-    _line(d, W_im, y)
-    y *= t
-    np.subtract(Y[..., 1, :], y, out=y)
-    return x, y, r
+def _product(a: ComplexArray, b: ComplexArray) -> ComplexArray:
+    """Return the matrix products of two (n, n, F) stacks."""
+    total = a[:, 0, None] * b[None, 0]
+    for k in range(1, len(a)):
+        total += a[:, k, None] * b[None, k]
+    return np.asarray(total)
 
 
-_ROUNDING = 1e-6  # of single precision in the bound, several times what it is
+def _evaluated(t: Array, parts: list[Array], slosh: Array, scratch: Array) -> tuple[Array, Array, Array]:
+    """Return x and y of -L = x + j y and the greatest |z_j/beta|^2 at values of t, in three of the scratch arrays."""
+    powers = t[:, None] ** np.arange(max(len(parts[0]), slosh.shape[1]))
+    T = powers[:, : len(parts[0])]
+    x, y, u, v, r = scratch
+    np.matmul(T, parts[0], out=x)
+    np.matmul(T, parts[1], out=y)
+    np.matmul(T, parts[2], out=u)
+    np.matmul(T, parts[3], out=v)
+    # (x + j y) (u - j v) / (u^2 + v^2), in arrays that are used again: fresh ones would take most of the time
+    np.multiply(u, u, out=r)
+    swap = x * v
+    x *= u
+    u *= y
+    y *= v
+    x += y
+    u -= swap
+    np.multiply(v, v, out=v)
+    r += v
+    np.divide(1.0, r, out=r)
+    x *= r
+    u *= r
+    if slosh.shape[1] == 1:
+        r *= slosh[0]
+        return x, u, r
+    most, one = swap, y
+    np.matmul(powers[:, : slosh.shape[1]], slosh[0], out=most)
+    for tank in slosh[1:]:
+        np.maximum(most, np.matmul(powers[:, : slosh.shape[1]], tank, out=one), out=most)
+    most *= r
+    return x, u, most
 
 
 def _nearest(x: Array, y: Array, weight: float) -> tuple[IntArray, Array]:
