@@ -103,9 +103,7 @@ def _line(loop: Loop) -> _Line | None:
     return _Line(base, direction, t)
 
 
-def _on_line(
-    loop: Loop, line: _Line, omega: Array, criteria: Criteria
-) -> tuple[Array, IntArray, Array] | None:
+def _on_line(loop: Loop, line: _Line, omega: Array, criteria: Criteria) -> tuple[Array, IntArray, Array] | None:
     """Return what `_one_by_one` does for dampings on a line, or None where a base stands on an undamped pole.
 
     Each vehicle is solved once at each frequency; along the line -L and z_j/beta are ratios of polynomials in t, whose
