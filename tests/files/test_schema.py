@@ -52,6 +52,7 @@ def test_the_schema_takes_the_shipped_examples(file: Path) -> None:
     "law",
     [
         POWER,
+        '{ law = "power", slope = "0.1 1/m", largest_amplitude = "0.3 m" }',
         '{ law = "table", file = "d.csv" }',
         '{ law = "table", amplitude = ["0 m", "1 m"], ratio = [0, "1 %"] }',
         '{ law = "sum", of = [{ law = "constant", ratio = "1 %" }, { law = "table", file = "d.csv" }] }',
@@ -71,6 +72,7 @@ def test_the_schema_takes_every_law_of_damping(law: str) -> None:
         ("[criteria]", "[criterai]"),
         ('"LOX"', '"<script>"'),
         (POWER, '{ law = "power", slope = 0.1 }'),
+        (POWER, '{ law = "power", slope = "0.1 1/m", largest_amplitude = 0.3 }'),
         (POWER, '{ law = "cubic" }'),
         (POWER, '{ law = "table" }'),
         (POWER, '{ law = "table", file = "d.csv", amplitude = ["0 m"], ratio = [0] }'),

@@ -48,19 +48,18 @@ class BaffleDamping:
     def law(self) -> PowerDamping:
         """The law of damping for a case, in slosh-mass displacement; not supported beyond `largest_amplitude`."""
         slope = self.coefficient * np.sqrt(self.wave_per_displacement / self.modes.section.radius)
-        return PowerDamping(slope=float(slope), exponent=0.5)
+        return PowerDamping(slope=float(slope), exponent=0.5, largest_amplitude=self.largest_amplitude)
 
     def ratio(self, amplitude: Real) -> Array:
         """Return the damping ratio at slosh-mass displacements in m; nan beyond what the formula supports."""
-        A = np.asarray(amplitude, dtype=float)
-        return np.where((A >= 0.0) & (self.largest_amplitude >= A), self.law.ratio(np.abs(A)), np.nan)
+        return self.law.ratio(amplitude)
 
     def __str__(self) -> str:
         whose = {"coogan-green": "decay after Coogan and Green", "miles": "decay after Miles, not conservative"}
         head = f"{self.modes.tank.name}: {len(self.rings)} wet ring{'s' * (len(self.rings) != 1)}"
         lines = [f"{head}, zeta = {self.coefficient:.4g} (eta/R)^(1/2) ({whose[self.decay]})"]
         most = self.largest_amplitude
-        ratio = 100.0 * float(self.law.ratio(most))
+        ratio = 100.0 * float(self.ratio(most))
         lines.append(f"  {ratio:.3g} % at {most:.3g} m of slosh, to where it holds (wave a tenth of the radius)")
         return "\n".join([*lines, *(f"  - {reason}" for reason in self.reasons)])
 
