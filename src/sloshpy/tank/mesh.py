@@ -52,10 +52,14 @@ class SectionMesh:
     @property
     def surface(self) -> IntArray:
         """Facets on the free surface."""
+        return self.facets_of(SURFACE)
+
+    def facets_of(self, kind: str) -> IntArray:
+        """Return the facets on the parts of the boundary of one kind: wall, axis or surface."""
         facets = self.mesh.boundary_facets()
         first, last = self.between(*self.mesh.facets[:, facets])
-        here = next(k for k, part in enumerate(self.section.boundary) if part.kind == SURFACE)
-        return np.asarray(facets[np.floor(0.5 * (first + last)) == here])
+        of_kind = np.array([part.kind == kind for part in self.section.boundary])
+        return np.asarray(facets[of_kind[np.floor(0.5 * (first + last)).astype(int)]])
 
     def refined(self, marked: IntArray) -> "SectionMesh":
         """Return the mesh with the marked triangles halved or quartered; new boundary vertices lie on the wall."""

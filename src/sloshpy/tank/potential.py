@@ -26,7 +26,7 @@ class Potentials:
 
     kappa: (n,). surface_moment b.q, surface_square q.M.q, lift c.q and wall value: (n,), of each mode. lid: rigid-lid
     inertia about the lowest point over pi rho, and its change with the height of the centre. indicator: (n_triangles,),
-    how much of the energy is of the highest degree.
+    how much of the energy is of the highest degree. q: (n_dofs, n), the modes' nodal values on the basis.
     """
 
     mesh: SectionMesh
@@ -39,6 +39,8 @@ class Potentials:
     indicator: Array
     surface_radius: Array
     surface_shape: Array
+    basis: "CellBasis"
+    q: Array
 
 
 def _energy(u: Any, v: Any, w: Any) -> Any:
@@ -113,6 +115,8 @@ def potentials(mesh: SectionMesh, modes: int, centre: float) -> Potentials:
         indicator=_indicator(basis, np.column_stack([q, lid]), K),
         surface_radius=r[along],
         surface_shape=(r[:, None] * q)[along].T,
+        basis=basis,
+        q=q,
     )
 
 
