@@ -27,7 +27,9 @@ def flat_bottom(section: LiquidSection, modes: int) -> Modal:
     disc = np.pi * (a**2 - b**2)
     lid = disc * h**3 / 12.0 - 3.0 * h * section.surface_inertia
     lid += 8.0 * np.pi * float(np.sum(moment**2 / square * np.tanh(0.5 * k * h) / k))
-    still = h / (2.0 * np.cosh(np.minimum(k * h, 300.0)) ** 2)  # with tanh / 2 k: int cosh^2 and sinh^2 over cosh^2(k h)
+    still = h / (
+        2.0 * np.cosh(np.minimum(k * h, 300.0)) ** 2
+    )  # with tanh / 2 k: int cosh^2 and sinh^2 over cosh^2(k h)
     moving = tanh / (2.0 * k)
     sides = sum(c * f_c**2 * ((moving + still) / c**2 + k**2 * (moving - still)) for c, f_c in walls)
     volume = k * tanh * square

@@ -32,23 +32,28 @@ def modes_by_elements(section: LiquidSection, modes: int, wanted: int, tolerance
     Raises:
         OutsideValidity: the section cannot be meshed.
     """
-    mesh, before, coarser = first_mesh(section), None, None
+    mesh, before = first_mesh(section), None
     error = change = np.full(modes, np.inf)
     while True:
         found = _solved(mesh, modes)
         now = _in_metres(found, section)
         if before is not None:
-            last, change = change, _change(before, now, section)
+            coarser, earlier = before
+            last, change = change, _change(earlier, now, section)
             shrinking = np.where(np.isfinite(last), change / np.maximum(last, 1e-300), 1.0)
             error = np.maximum(change * np.clip(_CAUTION * shrinking, 0.1, 1.0), _LEAST_ERROR)
             if np.all(error[:wanted] < tolerance) or len(found.indicator) > 0.6 * _MOST_TRIANGLES:
                 break
-        before, coarser, mesh = now, found, found.mesh.refined(_worst(found.indicator))
-    error = error + section.doubt
+        before, mesh = (found, now), found.mesh.refined(_worst(found.indicator))
     friction, floor = _friction(found)
-    friction_error = np.abs(_friction(coarser)[0] / friction - 1.0) + section.doubt
-    now = replace(now, error=error, friction=friction, floor_friction=floor, friction_error=friction_error)
-    return replace(now, method=f"finite elements: {len(found.indicator)} quartic triangles")
+    return replace(
+        now,
+        error=error + section.doubt,
+        friction=friction,
+        floor_friction=floor,
+        friction_error=np.abs(_friction(coarser)[0] / friction - 1.0) + section.doubt,
+        method=f"finite elements: {len(found.indicator)} quartic triangles",
+    )
 
 
 def _solved(mesh: SectionMesh, modes: int) -> Potentials:
