@@ -93,3 +93,12 @@ def test_the_schema_is_plain_and_tells_units() -> None:
     assert "[kg], must be > 0 kg" in schema["properties"]["vehicle"]["properties"]["mass"]["description"]
     assert "vectored_thrust" not in schema["properties"]["vehicle"]["required"]
     assert schema["properties"]["criteria"]["properties"]["gain_margin"]["default"] == "6 dB"
+
+
+def test_the_schema_asks_for_damping_unless_a_tank_file_is_named() -> None:
+    bare = GOOD.replace(f"damping = {POWER}\n", "")
+    own = 'slosh_mass = "1000 kg"\nstation = "9 m"\nfrequency = "2 rad/s"\n'
+    assert bare != GOOD
+    assert own in bare
+    assert not _fits(tomllib.loads(bare), case_schema())
+    assert _fits(tomllib.loads(bare.replace(own, 'tank_file = "lox.toml"\n', 1)), case_schema())
