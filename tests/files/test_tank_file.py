@@ -10,7 +10,7 @@ from sloshpy.assess import assess
 from sloshpy.damping import ConstantDamping, PowerDamping
 from sloshpy.errors import InputError
 from sloshpy.files import read_case, read_fill_table, read_tank, write_case, write_example, write_fill_history
-from sloshpy.tank import slosh_masses, slosh_masses_history
+from sloshpy.tank import slosh_masses, slosh_masses_history, tank_damping
 from sloshpy.tank.tank import NAME
 from sloshpy.tank.wall_damping import mikishev_cylinder, stephens_cylinder
 from sloshpy.vehicle import slosh_mass
@@ -304,6 +304,12 @@ def test_a_fill_history_goes_through_files_and_equals_single_fills(tmp_path):
 
     import xarray as xr
 
+    assert course.of_damping("wall_damping")[:2] == pytest.approx([np.nan] * 2, nan_ok=True)  # no viscosity is given
+    rings = [tank_damping(row).baffles for row in course.rows[:1] if row is not None]
+    assert rings[0] is not None
+    assert course.of_damping("ring_coefficient")[0] == rings[0].law.slope
+    assert np.isnan(course.of_damping("ring_coefficient")[1])  # at 3.5 m the ring is dry
+    assert "no ring baffle is wet" in table[2]
     with xr.open_dataset(write_fill_history(course, tmp_path / "out.nc"), engine="h5netcdf") as back:
         np.testing.assert_array_equal(back["spring_height"].values, course.of_modes("spring_height"))
         assert back["frequency"].attrs["units"] == "rad/s"

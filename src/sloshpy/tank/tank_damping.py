@@ -10,9 +10,10 @@ from sloshpy.errors import OutsideValidity
 from sloshpy.tank.ring_baffles import BaffleDamping, baffle_damping
 from sloshpy.tank.slosh_masses import SloshModes
 from sloshpy.tank.wall_damping import WallDamping, wall_damping
-from sloshpy.units import Array
+from sloshpy.units import Array, Real
 
 _POINTS = 201  # of the curve that is drawn
+_BEYOND = 1.3  # of the range in which the law holds: how far it is drawn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,23 @@ class TankDamping:
         """The ratio at any amplitude: of the wall or the floor, the greater; None where there is neither."""
         known = [xi for xi in (None if self.wall is None else self.wall.ratio, self.floor) if xi is not None]
         return max(known) if known else None
+
+    @property
+    def constant_name(self) -> str:
+        """What the ratio at any amplitude is of."""
+        if self.constant is None:
+            return ""
+        if self.wall is None or self.constant > self.wall.ratio:
+            return f"floor given, {100.0 * self.constant:.3g} %"
+        return f"smooth wall, {100.0 * self.constant:.3g} %, {self.wall.formula}"
+
+    def wave_height(self, displacement: Real) -> Real:
+        """Return the wave height at the wall in m of slosh-mass displacements in m."""
+        return displacement * float(self.modes.wave_per_displacement[self.mode - 1])
+
+    def displacement(self, wave_height: Real) -> Real:
+        """Return the slosh-mass displacement in m of wave heights at the wall in m."""
+        return wave_height / float(self.modes.wave_per_displacement[self.mode - 1])
 
     @property
     def known(self) -> bool:
@@ -80,12 +98,13 @@ class TankDamping:
         return "\n".join([*parts, *(f"  - {reason}" for reason in self.reasons)])
 
     def curve(self) -> tuple[Array, Array]:
-        """Return amplitudes in m of the slosh mass and the ratios there, to 1.3 times where the law holds, else nan.
+        """Return amplitudes in m of the slosh mass and the ratios there: to where the law holds, and nan beyond.
 
         Where no formula ends the range, to a tenth of the surface's radius.
         """
         end = self.law.largest_amplitude
-        A = np.linspace(0.0, 1.0, _POINTS) * (1.3 * end if np.isfinite(end) else 0.1 * self.modes.section.radius)
+        close = np.linspace(0.0, 1.0, _POINTS) ** 2  # a root rises steeply at first
+        A = np.append(close, _BEYOND) * end if np.isfinite(end) else close * 0.1 * self.modes.section.radius
         return A, self.law.ratio(A)
 
     def to_dict(self) -> dict[str, Any]:
