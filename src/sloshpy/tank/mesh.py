@@ -129,11 +129,13 @@ def _triangles(section: LiquidSection, scale: float, place: Array) -> SectionMes
     after = np.roll(np.arange(len(place)), -1)
     inside = _inside(edge, after)
     p = np.concatenate([edge, inside], axis=1)
+    bulged = edge + _bulge(empty, edge)
+    apart = np.concatenate([bulged, inside], axis=1)
     try:
-        t = Delaunay((p + np.pad(_bulge(empty, edge), ((0, 0), (0, inside.shape[1])))).T).simplices.T
+        t = Delaunay(apart.T).simplices.T
     except QhullError:
         raise OutsideValidity("the liquid's section cannot be meshed: it has no area") from None
-    t = t[:, _within(p[:, t].mean(axis=1), edge)]
+    t = t[:, _within(apart[:, t].mean(axis=1), bulged)]  # where a wall's end hardly bends, only they agree
     x, y = p[:, t]
     double_area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     t = t[:, np.abs(double_area) > 1e-12]
