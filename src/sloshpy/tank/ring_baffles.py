@@ -116,8 +116,9 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
     if nearest < HIGHEST_WAVE * R and deep:
         reasons.append(f"a ring {nearest:.3g} m below the surface left out: it comes out of a wave higher than that")
     elif not deep:
+        nearest = min(section.depth - ring.height for ring in counted)
         reasons.append(
-            f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that, where this ends"
+            f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that: this ends there"
         )
     return BaffleDamping(modes=modes, coefficient=total, rings=counted, decay=decay, reasons=tuple(reasons))
 
