@@ -42,6 +42,7 @@ def test_tank_json_has_the_keys_of_the_contract_and_draws_only_where_asked(run, 
     assert {
         "name", "liquid_mass", "liquid_cg_height", "surface_radius", "depth", "modes", "fixed_mass",
         "fixed_mass_height", "fixed_mass_inertia", "rigid_lid_inertia", "wall_damping", "baffle_damping",
+        "wall_damping_formula", "damping_floor",
     } <= set(said)  # fmt: skip
     assert set(said["modes"][0]) == {
         "kappa", "frequency_hz", "slosh_mass", "spring_height", "hinge_height", "pendulum_length",
@@ -51,6 +52,19 @@ def test_tank_json_has_the_keys_of_the_contract_and_draws_only_where_asked(run, 
     assert said["modes"][0]["station"] == 5.5 + found.spring_height[0]
     run("tank", tank, "--json", "-o", "section.svg")
     assert tank.with_name("section.svg").exists()
+
+
+def test_tank_draws_its_damping_where_asked_and_says_where_there_is_none(run, tank):
+    status, out, _ = run("tank", tank, "--damping-figure", "damping.png")
+    assert status == 0
+    assert "boundary layer x 1.42" in out
+    assert tank.with_name("damping.png").stat().st_size > 10_000
+    text = tank.read_text(encoding="utf-8")
+    tank.write_text(text.replace('kinematic_viscosity = "1.7e-7 m^2/s"\n', ""), encoding="utf-8")
+    status, _, err = run("tank", tank, "--damping-figure", "none.png")
+    assert status == 2
+    assert "has nothing to show: neither viscosity nor ring baffle nor damping_floor" in err
+    assert not tank.with_name("none.png").exists()
 
 
 def test_tank_follows_a_history_into_a_table(run, tank):
@@ -66,6 +80,8 @@ def test_tank_follows_a_history_into_a_table(run, tank):
     ("words", "said"),
     [
         (("no.toml",), "does not exist"),
+        (("lox_tank.toml", "--damping-figure", "x.doc"), "must end in"),
+        (("lox_tank.toml", "--damping-figure", "x.png", "--history", "lox_tank.toml"), "stands beside --history"),
         (("lox_tank.toml", "--table", "x.csv"), "needs --history"),
         (("lox_tank.toml", "-o", "x.jpg"), "must end in"),
         (("lox_tank.toml", "--history", "lox_tank.toml", "--table", "x.doc"), "must end in"),

@@ -17,6 +17,7 @@ LAWS = {
     "constant": ConstantDamping(ratio=0.013),
     "square": PowerDamping(slope=0.1, exponent=1.0),
     "baffle": PowerDamping(slope=0.08, exponent=0.5),
+    "limited": PowerDamping(slope=0.08, exponent=0.5, largest_amplitude=0.6),
     "cubic": PowerDamping(slope=0.2, exponent=2.0),
     "table": TABLE,
     "sum": SumDamping(of=(ConstantDamping(ratio=0.004), PowerDamping(slope=0.05, exponent=0.5), TABLE)),
@@ -75,13 +76,39 @@ def test_tables_never_extrapolate():
         margins(paper_case(TABLE), amplitude=0.7)
 
 
+def test_a_formula_with_an_end_has_no_number_beyond_it():
+    """T28: ratio, force and inverse are nan from there on, and it ends a sum that it is part of."""
+    law, free = LAWS["limited"], LAWS["baffle"]
+    inside, beyond = np.array([0.0, 0.3, 0.6]), np.array([0.6000001, 5.0])
+    np.testing.assert_array_equal(law.ratio(inside), free.ratio(inside))
+    assert np.all(np.isnan(law.ratio(beyond)))
+    for sign in (1.0, -1.0):
+        np.testing.assert_array_equal(
+            law.acceleration(sign * 2.0 * inside, 2.0), free.acceleration(sign * 2.0 * inside, 2.0)
+        )
+        assert np.all(np.isnan(law.acceleration(sign * 2.0 * beyond, 2.0)))
+    assert np.isnan(law.amplitude(1.001 * 0.08 * 0.6**0.5))
+    both = SumDamping(of=(ConstantDamping(ratio=0.004), law))
+    assert both.largest_amplitude == law.largest_amplitude == 0.6
+    assert np.isnan(both.ratio(0.61))
+    assert np.isnan(both.amplitude(0.08 * 0.6**0.5 + 0.005))
+    with pytest.raises(OutsideValidity, match="LOX"):
+        margins(paper_case(law), amplitude=0.7)
+
+
+def test_a_sum_of_laws_without_a_common_range_is_refused():
+    late = TableDamping(amplitude=[0.7, 0.9], ratio=[0.01, 0.02])
+    with pytest.raises(ValidationError, match=r"begins at 0\.7 m, one ends at 0\.6 m"):
+        SumDamping(of=(late, LAWS["limited"]))
+
+
 def test_table_goes_through_its_rows_and_stays_between_them():
     np.testing.assert_allclose(TABLE.ratio(TABLE.tested_amplitude), TABLE.tested_ratio, rtol=1e-14)
     a = np.linspace(0, 0.6, 5001)
     assert np.all(np.diff(TABLE.ratio(a)) >= 0)
 
 
-@pytest.mark.parametrize("name", ["square", "baffle", "cubic", "table", "sum"])
+@pytest.mark.parametrize("name", ["square", "baffle", "limited", "cubic", "table", "sum"])
 def test_amplitude_inverts_the_ratio(name):
     law = LAWS[name]
     A = np.array([0.01, 0.1, 0.2, 0.5])

@@ -37,9 +37,10 @@ def full(case, gain_db, delay):
         (FLOOR, {CYCLE, REST}),
         (DIP, {CYCLE, UNSUPPORTED}),
         (SHORT, {CYCLE, UNSUPPORTED}),
+        (PowerDamping(slope=0.1, largest_amplitude=0.3), {CYCLE, UNSUPPORTED}),
         (xi(0.02), {REST, DIVERGES}),
     ],
-    ids=["power", "wall and power", "several cycles", "short table", "constant"],
+    ids=["power", "wall and power", "several cycles", "short table", "formula that ends", "constant"],
 )
 def test_every_fifth_cell_equals_the_full_search(law, codes):
     case = paper_case(law)

@@ -102,6 +102,10 @@ def test_stochastic_damping_of_constants_sums_and_tables():
     assert stochastic_ratio(table, 0.3, 2.0) == pytest.approx(stochastic_ratio(wave, 0.3, 2.0), rel=3e-3)
     with pytest.raises(OutsideValidity, match="four standard deviations"):
         stochastic_ratio(table, 0.6, 2.0)
+    ends = PowerDamping(slope=0.1, largest_amplitude=1.0)
+    assert stochastic_ratio(ends, 0.3, 2.0) == pytest.approx(stochastic_ratio(wave, 0.3, 2.0), rel=3e-3)
+    with pytest.raises(OutsideValidity, match="end at 1 m, but four standard deviations"):
+        stochastic_ratio(ends, 0.6, 2.0)
 
 
 def test_rms_of_a_linear_loop_is_the_integral_of_the_oracles_response():

@@ -83,6 +83,9 @@ def test_tables_and_limits_are_left_to_single_runs():
     law = TableDamping(amplitude=[0.0, 1.0], ratio=[0.0, 0.1])
     with pytest.raises(OutsideValidity, match="tabulated"):
         simulate_ensemble(paper_case(law))
+    ends = PowerDamping(slope=0.1, largest_amplitude=1.0)
+    with pytest.raises(OutsideValidity, match="LOX has a law that holds to 1 m only"):
+        simulate_ensemble(paper_case(SumDamping(of=(ConstantDamping(ratio=0.001), ends))))
     with pytest.raises(OutsideValidity, match="limits"):
         simulate_ensemble(paper_case(actuator=Actuator(frequency=20.0, damping=0.7, rate_limit=0.1)))
     with pytest.raises(ValueError, match="duration"):

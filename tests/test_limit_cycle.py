@@ -6,6 +6,7 @@ import pytest
 
 import oracle
 from cases import paper_case, xi
+from sloshpy.assess import assess
 from sloshpy.autopilot import Actuator
 from sloshpy.damping import PowerDamping, SumDamping, TableDamping
 from sloshpy.errors import OutsideValidity
@@ -117,6 +118,34 @@ def test_a_table_that_ends_too_early_gives_no_number():
     assert found.acceptable is None
     assert np.isnan(found.slosh_amplitude)
     assert any("0.15 m" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize("end", [0.3, 0.46, 0.48])
+def test_a_formula_that_ends_too_early_gives_no_number(end):
+    """Required is 0.4736 m in the law's own amplitude: 0.46 m refuses though the cycle's 0.444 m is less."""
+    found = predict_limit_cycle(paper_case(PowerDamping(slope=0.1, largest_amplitude=end), tank={"radius": 5.0}))
+    free = predict_limit_cycle(paper_case(tank={"radius": 5.0}))
+    if end > 0.474:
+        assert found.acceptable is True
+        assert found.slosh_amplitude == free.slosh_amplitude
+    else:
+        assert found.acceptable is None
+        assert np.isnan(found.slosh_amplitude)
+        assert any(f"at {end} m" in reason for reason in found.reasons)
+
+
+def test_the_verdict_of_a_formula_that_ends_is_that_of_a_table_that_ends_there():
+    A = np.linspace(0.0, 0.3, 31)
+    one, other = (
+        assess(paper_case(law))
+        for law in (PowerDamping(slope=0.1, largest_amplitude=0.3), TableDamping(amplitude=A, ratio=0.1 * A))
+    )
+    assert one.verdict == other.verdict == "invalid"
+    assert one.reasons == other.reasons
+    (a,), (b,) = one.cycles, other.cycles  # the loop as given cycles within
+    assert a.slosh_amplitude["LOX"] == pytest.approx(b.slosh_amplitude["LOX"], rel=1e-6)
+    early = PowerDamping(slope=0.1, largest_amplitude=0.2)  # the loop as given cycles at 0.2244 m
+    assert limit_cycles(paper_case(early)) == ()
 
 
 def test_amplitude_beyond_15_percent_of_the_radius_is_said():

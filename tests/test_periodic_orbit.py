@@ -381,6 +381,11 @@ def test_what_the_balance_does_not_know_is_refused():
     ends = TableDamping(amplitude=[0.0, 0.1, top], ratio=[0.0, 0.01, 0.1 * top])
     with pytest.raises(OutsideValidity, match="damping data"):
         periodic_orbit(paper_case(ends), cycle)
+    formula = PowerDamping(slope=0.1, largest_amplitude=top)
+    with pytest.raises(OutsideValidity, match="damping data"):
+        periodic_orbit(paper_case(formula), cycle)
+    wide = paper_case(PowerDamping(slope=0.1, largest_amplitude=1.1 * top))
+    assert periodic_orbit(wide, cycle).omega == periodic_orbit(paper_case(), cycle).omega
     with pytest.raises(ValueError, match="one case"):
         periodic_orbit(paper_case(vehicle={"mass": np.array([15000.0, 16000.0])}))
 

@@ -138,6 +138,22 @@ def test_a_run_that_leaves_its_table_stops_and_says_so():
     assert not run.slosh_envelope().settled
 
 
+def test_a_run_that_leaves_a_formula_stops_where_the_same_formula_without_an_end_passes_it():
+    ends = PowerDamping(slope=0.1, largest_amplitude=0.3)  # the degraded loop cycles at 0.44 m
+    degraded = {"gain": 10 ** (4.4 / 20), "delay": 0.17}
+    run = simulate(paper_case(ends, **degraded), duration=300.0, initial_slosh=0.05)
+    free = simulate(paper_case(**degraded), duration=300.0, initial_slosh=0.05)
+    assert run.stopped.startswith("beyond the damping data at ")
+    assert not run.slosh_envelope().settled
+    k = len(run.time)
+    np.testing.assert_array_equal(run.slosh, free.slosh[:k])
+    speed = np.abs(np.gradient(free.slosh[:, 0], free.time))
+    assert np.max(speed[: k - 2]) < 2.0 * 0.3
+    assert np.max(speed[: k + 2]) > 0.99 * 2.0 * 0.3
+    within = simulate(paper_case(PowerDamping(slope=0.1, largest_amplitude=0.6), **degraded), 300.0, 0.05)
+    np.testing.assert_array_equal(within.slosh, free.slosh)
+
+
 def test_power_law_in_time_equals_its_table_in_time():
     a = np.linspace(0, 0.9, 46)
     table = TableDamping(amplitude=a, ratio=0.1 * a)

@@ -7,6 +7,7 @@ import pytest
 
 from cases import paper_case, xi
 from sloshpy.damping import PowerDamping
+from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import limit_cycles, two_axis_cycles
 from sloshpy.simulation import simulate_two_axes
 from sloshpy.stability import required_damping
@@ -75,6 +76,16 @@ def test_two_coupled_tanks_circle_together():
     run = simulate_two_axes(paper_case(more=(other,)), None, 300.0, start, rate)
     for j in range(2):
         assert np.mean(run.half_axes(j)) == pytest.approx(attractor.axes[j, 0], rel=5e-3)
+
+
+def test_two_axes_know_no_motion_beyond_a_formula_that_ends():
+    """The circle's radius is 0.1905 m, the planar cycle's amplitude 0.2244 m; both in slosh over slosh frequency."""
+    wide, narrow, circle = (PowerDamping(slope=0.1, largest_amplitude=end) for end in (0.3, 0.15, 0.21))
+    assert {c.kind for c in two_axis_cycles(paper_case(wide))} == {"planar in pitch", "planar in yaw", "circular"}
+    assert two_axis_cycles(paper_case(narrow)) == ()
+    assert not any(c.kind.startswith("planar") for c in two_axis_cycles(paper_case(circle)))
+    with pytest.raises(OutsideValidity, match="beyond the damping data"):
+        simulate_two_axes(paper_case(narrow), None, 200.0, np.array([[0.1, 0.0]]))
 
 
 def test_no_damping_law_no_cycle_and_different_tanks_are_refused():

@@ -6,8 +6,8 @@ The public names, in reading order; each is loaded when it is first used.
                  DigitalFilter, Criteria
     damping      ConstantDamping, PowerDamping, TableDamping, SumDamping
     tanks        Tank, slosh_masses, slosh_masses_history, tank_damping, wall_damping, baffle_damping, read_tank,
-                 read_fill_table, write_fill_history, plot_tank, plot_fill_history; shapes: Cylinder, Capsule, Sphere,
-                 Spheroid, Cone, Annulus, Toroid, Contour
+                 read_fill_table, write_fill_history, plot_tank, plot_tank_damping, plot_fill_history;
+                 shapes: Cylinder, Capsule, Sphere, Spheroid, Cone, Annulus, Toroid, Contour
     files        read_case, write_case, case_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
@@ -115,6 +115,7 @@ _ROOMS = {
         "plot_nichols",
         "plot_root_locus",
         "plot_tank",
+        "plot_tank_damping",
         "plot_time_history",
         "plot_tvc_gain",
         "save_figure",

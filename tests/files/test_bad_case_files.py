@@ -113,6 +113,8 @@ ONE_FAULT: dict[str, tuple[str, str, tuple[int, str, str, str, str]]] = {
     "unknown law": ('"constant"', '"constnat"', (23, 'tank "LH2" damping law', '"constnat"', "is not a law of damping", 'did you mean "constant"?')),
     "no law": ('law = "constant"\n', "", (22, 'tank "LH2" damping law', "", "is missing", 'name the law of damping: "constant", "power", "table" or "sum"')),
     "bare slope": ('"0.1 1/m"', "0.1", (14, 'tank "LOX" damping slope', "0.1", "has no unit", 'write "0.1 1/m"')),
+    "bare end of a law": ("exponent = 1 ", "largest_amplitude = 0.3 ", (14, 'tank "LOX" damping largest_amplitude', "0.3", "has no unit", 'write it with its unit, as in "0.3 m" (m)')),
+    "end of a law at rest": ("exponent = 1 ", 'largest_amplitude = "0 m" ', (14, 'tank "LOX" damping largest_amplitude', '"0 m"', "must be > 0 m and <= 1000 m", 'give a value in this range')),
     "no slope": ('slope = "0.1 1/m", ', "", (14, 'tank "LOX" damping slope', "", "is missing", 'add slope = "0.1 1/m"')),
     "slope of another exponent": ("exponent = 1 ", "exponent = 0.5 ", (14, 'tank "LOX" damping slope', '"0.1 1/m"', "is a ratio per length, must be of dimension 1 / [length] ** 0.5", 'write "0.1 1/m^0.5"')),
     "exponent nan": ("exponent = 1 ", "exponent = nan ", (14, 'tank "LOX" damping exponent', "nan", "must be finite", ONE)),

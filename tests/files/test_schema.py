@@ -52,6 +52,7 @@ def test_the_schema_takes_the_shipped_examples(file: Path) -> None:
     "law",
     [
         POWER,
+        '{ law = "power", slope = "0.1 1/m", largest_amplitude = "0.3 m" }',
         '{ law = "table", file = "d.csv" }',
         '{ law = "table", amplitude = ["0 m", "1 m"], ratio = [0, "1 %"] }',
         '{ law = "sum", of = [{ law = "constant", ratio = "1 %" }, { law = "table", file = "d.csv" }] }',
@@ -71,6 +72,7 @@ def test_the_schema_takes_every_law_of_damping(law: str) -> None:
         ("[criteria]", "[criterai]"),
         ('"LOX"', '"<script>"'),
         (POWER, '{ law = "power", slope = 0.1 }'),
+        (POWER, '{ law = "power", slope = "0.1 1/m", largest_amplitude = 0.3 }'),
         (POWER, '{ law = "cubic" }'),
         (POWER, '{ law = "table" }'),
         (POWER, '{ law = "table", file = "d.csv", amplitude = ["0 m"], ratio = [0] }'),
@@ -91,3 +93,12 @@ def test_the_schema_is_plain_and_tells_units() -> None:
     assert "[kg], must be > 0 kg" in schema["properties"]["vehicle"]["properties"]["mass"]["description"]
     assert "vectored_thrust" not in schema["properties"]["vehicle"]["required"]
     assert schema["properties"]["criteria"]["properties"]["gain_margin"]["default"] == "6 dB"
+
+
+def test_the_schema_asks_for_damping_unless_a_tank_file_is_named() -> None:
+    bare = GOOD.replace(f"damping = {POWER}\n", "")
+    own = 'slosh_mass = "1000 kg"\nstation = "9 m"\nfrequency = "2 rad/s"\n'
+    assert bare != GOOD
+    assert own in bare
+    assert not _fits(tomllib.loads(bare), case_schema())
+    assert _fits(tomllib.loads(bare.replace(own, 'tank_file = "lox.toml"\n', 1)), case_schema())

@@ -4,12 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from good_case import GOOD
+from good_case import GOOD, POWER
 
+from sloshpy.assess import assess
+from sloshpy.damping import ConstantDamping, PowerDamping
 from sloshpy.errors import InputError
-from sloshpy.files import read_case, read_fill_table, read_tank, write_example, write_fill_history
-from sloshpy.tank import slosh_masses, slosh_masses_history
+from sloshpy.files import read_case, read_fill_table, read_tank, write_case, write_example, write_fill_history
+from sloshpy.tank import slosh_masses, slosh_masses_history, tank_damping
 from sloshpy.tank.tank import NAME
+from sloshpy.tank.wall_damping import mikishev_cylinder, stephens_cylinder
 from sloshpy.vehicle import slosh_mass
 
 TANK = """\
@@ -169,6 +172,88 @@ def test_a_case_takes_its_slosh_mass_from_a_tank_file_at_its_own_acceleration(tm
     assert any("sha256" in key for key in case.source.given)
 
 
+def _undamped(folder: Path, tank_lines: str = 'tank_file = "lox.toml"\n', tank: str = TANK) -> Path:
+    path = _case(folder, tank_lines, tank.replace("1141", "50"))
+    text = path.read_text(encoding="utf-8")
+    assert f"damping = {POWER}\n" in text
+    path.write_text(text.replace(f"damping = {POWER}\n", "", 1), encoding="utf-8")
+    return path
+
+
+VISCOUS = TANK.replace("[liquid]\n", '[liquid]\nkinematic_viscosity = "0.17 cSt"\n')
+
+
+def test_a_case_takes_its_damping_from_a_tank_file_and_says_by_which_formulas(tmp_path):
+    """Wall and ring by hand, at the case's own acceleration of 56.25 m/s^2: R 2.5 m, h 6.2 m, d 0.3 m, w 0.2 m."""
+    case = read_case(_undamped(tmp_path, tank=VISCOUS))
+    law = case.vehicle.tanks[0].damping
+    wall = min(f(1.7e-7, 2.5, 56.25, 6.2) for f in (mikishev_cylinder, stephens_cylinder))
+    A, wave = 0.05, 2.0 * 1.8411838 / (1.8411838**2 - 1.0) * np.tanh(1.8411838 * 2.48)
+    ring = 2.83 * np.exp(-4.6 * 1.55 * 0.12) * (0.08 * 1.92) ** 1.5 * np.sqrt(wave * A / 2.5)
+    assert float(law.ratio(0.0)) == pytest.approx(wall, rel=1e-9)
+    assert float(law.ratio(A)) == pytest.approx(wall + ring, rel=1e-6)
+    assert law.largest_amplitude == pytest.approx(0.25 / wave, rel=1e-6)
+    assert np.isnan(law.ratio(0.17))
+    assert case.source is not None
+    notes = "\n".join(case.source.notes)
+    assert "LOX: damping at any amplitude 0.00" in notes
+    assert "smooth wall by " in notes
+    assert "Coogan and Green" in notes
+    assert "slosh-mass displacement in m, to 0.162" in notes
+    again = read_case(write_case(case, tmp_path / "again.toml"))
+    assert again.vehicle.tanks[0].damping == law
+    assert any("Coogan and Green" in reason for reason in assess(case).reasons)
+
+
+def test_rings_alone_a_floor_alone_and_the_second_mode_damp_a_case(tmp_path):
+    ring = read_case(_undamped(tmp_path)).vehicle.tanks[0].damping
+    assert isinstance(ring, PowerDamping)
+    bare = TANK[: TANK.index("[[baffle]]")]
+    floor = 'damping_floor = "0.2 %"\n' + bare
+    assert read_case(_undamped(tmp_path, tank=floor)).vehicle.tanks[0].damping == ConstantDamping(ratio=0.002)
+    second = read_case(_undamped(tmp_path, 'tank_file = "lox.toml"\nmode = 2\n', 'damping_floor = "0.2 %"\n' + VISCOUS))
+    law = second.vehicle.tanks[0].damping
+    assert isinstance(law, ConstantDamping)
+    assert law.constant_ratio < 1e-4
+    assert second.source is not None
+    assert any("left out of mode 2" in note for note in second.source.notes)
+
+
+def test_damping_in_the_case_goes_before_the_tank_files_and_is_noted(tmp_path):
+    case = read_case(_case(tmp_path, 'tank_file = "lox.toml"\n', VISCOUS.replace("1141", "50")))
+    assert case.vehicle.tanks[0].damping == PowerDamping(slope=0.1)
+    assert case.source is not None
+    assert "LOX: damping as the case gives it, not by the formulas of the tank file" in case.source.notes
+
+
+@pytest.mark.parametrize(
+    ("tank", "why"),
+    [
+        (TANK[: TANK.index("[[baffle]]")], "is missing, and the tank file gives none"),
+        (TANK.replace('"5.9 m"', '"7 m"'), "gives none: baffles: no ring baffle is wet"),
+        (TANK.replace('"0.2 m"', '"0.9 m"'), "gives none: baffles: the ring of 5.9 m is wider"),
+    ],
+)
+def test_a_tank_file_without_damping_leaves_the_case_without_and_says_why(tmp_path, tank, why):
+    with pytest.raises(InputError) as caught:
+        read_case(_undamped(tmp_path, tank=tank))
+    [problem] = caught.value.problems
+    assert why in problem.rule
+    assert problem.key == 'tank "LOX" damping'
+    assert problem.line is not None
+    assert "damping_floor" in problem.cure
+
+
+def test_a_refused_tank_file_does_not_make_the_case_miss_damping_too(tmp_path):
+    for lines, tank in (
+        ('tank_file = "no.toml"\n', TANK),
+        ('tank_file = "lox.toml"\n', TANK.replace('"6.2 m"', '"62"')),
+    ):
+        with pytest.raises(InputError) as caught:
+            read_case(_undamped(tmp_path, lines, tank))
+        assert len(caught.value.problems) == 1
+
+
 def test_a_case_may_take_the_second_slosh_mass(tmp_path):
     case = read_case(_case(tmp_path, 'tank_file = "lox.toml"\nmode = 2\n', TANK.replace("1141", "50")))
     found = slosh_masses(read_tank(tmp_path / "lox.toml").model_copy(update={"modes": 2}))
@@ -219,6 +304,12 @@ def test_a_fill_history_goes_through_files_and_equals_single_fills(tmp_path):
 
     import xarray as xr
 
+    assert course.of_damping("wall_damping")[:2] == pytest.approx([np.nan] * 2, nan_ok=True)  # no viscosity is given
+    rings = [tank_damping(row).baffles for row in course.rows[:1] if row is not None]
+    assert rings[0] is not None
+    assert course.of_damping("ring_coefficient")[0] == rings[0].law.slope
+    assert np.isnan(course.of_damping("ring_coefficient")[1])  # at 3.5 m the ring is dry
+    assert "no ring baffle is wet" in table[2]
     with xr.open_dataset(write_fill_history(course, tmp_path / "out.nc"), engine="h5netcdf") as back:
         np.testing.assert_array_equal(back["spring_height"].values, course.of_modes("spring_height"))
         assert back["frequency"].attrs["units"] == "rad/s"

@@ -38,6 +38,7 @@ def _same(one: Case, other: Case) -> bool:
     [
         POWER,
         '{ law = "power", slope = "0.3 1/m^0.5", exponent = 0.5 }',
+        '{ law = "power", slope = "0.3 1/m^0.5", exponent = 0.5, largest_amplitude = "7.1 in" }',
         '{ law = "constant", ratio = "1.234567 %" }',
         '{ law = "table", amplitude = ["0 in", "3.3 in", "7 in"], ratio = [0.001, "0.7 %", 0.1] }',
         '{ law = "sum", of = [{ law = "constant", ratio = 0.01 }, '

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from sloshpy import plots
+from sloshpy.errors import OutsideValidity
 from sloshpy.plots.style import SMALL
-from sloshpy.tank import Tank, slosh_masses, slosh_masses_history
+from sloshpy.tank import Tank, slosh_masses, slosh_masses_history, tank_damping
 
 SHAPES = {
     "capsule": {"kind": "capsule", "radius": 2.0, "barrel": 3.0, "dome": 1.2},
@@ -46,3 +47,40 @@ def test_the_history_is_drawn_as_computed():
     np.testing.assert_allclose(mass.lines[0].get_ydata(), course.of_modes("slosh_mass")[:, 0])
     np.testing.assert_allclose(place.lines[0].get_ydata(), course.of_modes("spring_height")[:, 0])
     assert "%" in place.get_xlabel()
+
+
+def _damped(baffle=(), nu=1e-6, **more):
+    liquid = {"density": 1e3, "kinematic_viscosity": nu}
+    shape = {"kind": "cylinder", "radius": 2.0, "height": 9.0}
+    given = Tank(name="LOX", fill=5.0, acceleration=9.81, liquid=liquid, shape=shape, baffle=baffle, **more)
+    return tank_damping(slosh_masses(given))
+
+
+def test_the_damping_of_a_ringed_tank_is_drawn_to_where_its_formula_holds():
+    """To a wave of a tenth of the radius, 0.2 m, which is 0.2/1.541 m of slosh."""
+    found = _damped(baffle=[{"height": 4.5, "width": 0.2}], damping_floor=0.004)
+    ax = plots.plot_tank_damping(found)
+    whole, rings, floor = (np.asarray(line.get_xydata()) for line in ax.lines[:2] + ax.lines[3:])
+    known = np.isfinite(whole[:, 1])
+    assert np.max(whole[known, 0]) == pytest.approx(0.2 / 1.541, rel=1e-3)
+    assert np.max(whole[:, 0]) > 1.2 * np.max(whole[known, 0])
+    np.testing.assert_allclose(whole[known, 1], 0.4 + rings[known, 1])
+    np.testing.assert_allclose(floor[:, 1], 0.4)
+    (shaded,) = ax.patches
+    assert shaded.get_x() == 0.0
+    assert shaded.get_width() == found.law.largest_amplitude
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["all together", "1 ring after Miles, decay after Coogan and Green", "floor given, 0.4 %"]
+    assert "Slosh-mass displacement [m]" in ax.get_xlabel()
+    ax.figure.draw_without_rendering()
+    low, high = ax.child_axes[0].get_xlim()
+    assert (low, high) == pytest.approx((0.0, 1.541 * ax.get_xlim()[1]), rel=1e-3)
+
+
+def test_a_smooth_tank_is_drawn_damped_alike_at_any_amplitude_and_a_bare_one_is_refused():
+    ax = plots.plot_tank_damping(_damped())
+    (line,) = ax.lines
+    assert "at any amplitude" in ax.get_title(loc="left")
+    assert line.get_ydata()[0] == line.get_ydata()[1] > 0.0
+    with pytest.raises(OutsideValidity):
+        plots.plot_tank_damping(tank_damping(slosh_masses(tank("capsule"))))

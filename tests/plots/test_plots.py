@@ -12,6 +12,7 @@ from matplotlib.patches import Ellipse
 
 from sloshpy import plots
 from sloshpy.case import Case
+from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve, limit_cycles
 from sloshpy.plots.style import SMALL
@@ -20,6 +21,7 @@ from sloshpy.stability import (
     DampingSweep,
     damping_law_curve,
     disc_margin_curve,
+    required_damping,
     required_damping_map,
     root_locus,
 )
@@ -204,3 +206,22 @@ def test_a_limit_cycle_without_amplitude_is_not_drawn_but_explained(cycle: Limit
     nothing = replace(cycle, tvc_amplitude=np.full(2, np.nan), reasons=("the data end at 0.3 m",))
     with pytest.raises(OutsideValidity, match=r"LOX: the data end at 0\.3 m"):
         plots.plot_limit_cycle(nothing)
+
+
+@pytest.mark.parametrize(
+    ("law", "known"),
+    [
+        (PowerDamping(slope=0.1, largest_amplitude=0.3), (0.0, 0.3)),
+        (TableDamping(amplitude=[0.05, 0.2, 0.6], ratio=[0.004, 0.02, 0.06]), (0.05, 0.6)),
+        (PowerDamping(slope=0.1), None),
+    ],
+    ids=["formula that ends", "table", "formula"],
+)
+def test_the_range_in_which_a_law_holds_is_shaded(case: Case, law: PowerDamping, known: tuple[float, float]) -> None:
+    tank = case.vehicle.tanks[0].model_copy(update={"damping": law})
+    other = case.model_copy(update={"vehicle": case.vehicle.model_copy(update={"tanks": (tank,)})})
+    ax = plots.plot_damping_law(damping_law_curve(other, required_damping(other)))
+    shaded = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in ax.patches]
+    assert shaded == ([pytest.approx(known)] if known else [])
+    words = [text.get_text() for text in ax.texts]
+    assert words.count("unknown") == (0 if known is None else 1 + (known[0] > 0.0))

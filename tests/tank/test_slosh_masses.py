@@ -18,7 +18,7 @@ from tanks import (
     tank,
 )
 
-from sloshpy.tank import slosh_masses
+from sloshpy.tank import slosh_masses, slosh_masses_history
 from sloshpy.tank.closed_form import flat_bottom
 from sloshpy.tank.eigen import modes_by_elements
 
@@ -176,6 +176,23 @@ def test_nearly_empty_and_nearly_full_tanks_converge(shape, fill):
     found = slosh_masses(tank(shape, fill))
     assert found.error_estimate[0] < 1e-6
     assert 0.0 < found.slosh_mass[0] < found.liquid_mass
+
+
+@pytest.mark.parametrize("above", [1e-12, 1e-7, 1e-4, 1e-3, 2.7e-3, 1e-2])
+@pytest.mark.parametrize("edge", [1.2, 4.2])
+def test_a_surface_just_above_an_edge_of_the_wall_differs_little_from_one_just_below(edge, above):
+    """The dome leads smoothly into the barrel: nothing jumps where the surface passes from one to the other."""
+    over, under = (slosh_masses(tank(CAPSULE, edge + e)) for e in (above, -above))
+    near = 2.0 * 2.0 * above + 2e-5  # none of them changes by more than a factor e in half a metre of depth
+    assert over.kappa[0] == pytest.approx(under.kappa[0], rel=near)
+    assert over.slosh_mass[0] == pytest.approx(under.slosh_mass[0], rel=near)
+    assert over.wall_friction[0] == pytest.approx(under.wall_friction[0], rel=near)
+
+
+def test_a_capsule_is_filled_through_its_joints_without_a_gap():
+    course = slosh_masses_history(tank(CAPSULE, "50 %"), [f"{x} %" for x in np.linspace(82.0, 83.3, 14)])
+    assert course.reason == ("",) * 14
+    assert np.all(np.diff(np.diff(course.of_modes("slosh_mass")[:, 0])) < 1e-3 * course.of_modes("slosh_mass")[0, 0])
 
 
 @pytest.mark.parametrize(("shape", "curvature"), [(SPHERE, 2.0), (CAPSULE, 2.0**2 / 1.2), (SPHEROID, 2.0**2 / 1.3)])

@@ -33,6 +33,9 @@ def tank_command(
         Path | None, Parameter(help="CSV with fill [%] or depth [m], and acceleration and time where they change")
     ] = None,
     table: Annotated[Path | None, Parameter(help="where the history's table goes: .csv, .xlsx or .nc")] = None,
+    damping_figure: Annotated[
+        Path | None, Parameter(help="draw the damping over the amplitude too: .png, .svg or .pdf")
+    ] = None,
     output: Output = None,
 ) -> int:
     """Print the slosh masses of a tank from its shape and fill, and draw its section (fig 1)."""
@@ -42,14 +45,23 @@ def tank_command(
         if history is None:
             raise refused("--table", table, "needs --history", "name the CSV of the fills")
         writable(file, table, {".csv", ".xlsx", ".nc"})
+    if damping_figure is not None:
+        if history is not None:
+            raise refused("--damping-figure", damping_figure, "stands beside --history", "leave one of them out")
+        damping_figure = figure_path(file, damping_figure, "damping")
     if history is None:
         found = slosh_masses(read)
         damping = tank_damping(found)
+        if damping_figure is not None and not damping.known:
+            why = "; ".join(damping.reasons) or "neither viscosity nor ring baffle nor damping_floor is given"
+            raise refused("--damping-figure", damping_figure, f"has nothing to show: {why}", "give one of them")
         print(
             dumps(found.to_dict() | damping.to_dict(), indent=1)
             if json
             else "\n".join(filter(None, map(str, (found, damping))))
         )
+        if damping_figure is not None:
+            drawn("plot_tank_damping", damping, damping_figure, quiet=json)
         return drawn("plot_tank", found, path, quiet=json)
     rows = read_fill_table(history)
     course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)

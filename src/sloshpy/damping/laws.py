@@ -29,7 +29,7 @@ class DampingLaw(Protocol):
 
     @property
     def largest_amplitude(self) -> float:
-        """The amplitude in m up to which the law is supported; inf for a formula."""
+        """The amplitude in m up to which the law is supported; inf for a formula that says nothing of it."""
 
     @property
     def smallest_amplitude(self) -> float:
@@ -82,11 +82,18 @@ class ConstantDamping(_Law):
 
 
 class PowerDamping(_Law):
-    """xi = slope A^exponent; exponent 1 is the paper's odd square law (eqs 14, 18), 1/2 a ring baffle (Miles)."""
+    """xi = slope A^exponent; exponent 1 is the paper's odd square law (eqs 14, 18), 1/2 a ring baffle (Miles).
+
+    A formula of limited validity carries its `largest_amplitude`: beyond it there is no number, as beyond a table.
+    """
 
     law: Literal["power"] = "power"
     exponent: Annotated[float, Quantity("1", "p", "exponent of the amplitude", above=0.0, most=4.0)] = 1.0
     slope: Annotated[float, Quantity("1", "alpha", "damping ratio at an amplitude of 1 m, in m^-exponent", above=0.0)]
+    holds_to: (
+        Annotated[float, Quantity("m", "A", "slosh-mass displacement to which the law holds", above=0.0, most=1e3)]
+        | None
+    ) = Field(default=None, alias="largest_amplitude")
 
     @model_validator(mode="before")
     @classmethod
@@ -113,8 +120,14 @@ class PowerDamping(_Law):
             raise refusal(("slope",), "has no unit" if isinstance(slope, int | float) else "is not a number", cure)
         return data
 
+    @property
+    def largest_amplitude(self) -> float:
+        return np.inf if self.holds_to is None else self.holds_to
+
     def ratio(self, amplitude: Real) -> Array:
-        return np.asarray(self.slope * np.asarray(amplitude, dtype=float) ** self.exponent)  # eq 18
+        A = np.asarray(amplitude, dtype=float)
+        xi = np.asarray(self.slope * A**self.exponent)  # eq 18
+        return xi if self.holds_to is None else np.where(self.holds_to >= A, xi, np.nan)
 
     def coefficient(self, natural_frequency: float) -> float:
         """Return c of the damping acceleration -c |v|^p v; for p = 1 it is b = 3 pi alpha / 4, eqs 14 and 19."""
@@ -122,10 +135,15 @@ class PowerDamping(_Law):
         return float(2.0 * alpha * w ** (1.0 - p) / describing_function_factor(p))
 
     def acceleration(self, velocity: Real, natural_frequency: float) -> Array:
-        return np.asarray(-self.coefficient(natural_frequency) * np.abs(velocity) ** self.exponent * velocity)  # eq 14
+        speed = np.abs(velocity)
+        force = np.asarray(-self.coefficient(natural_frequency) * speed**self.exponent * velocity)  # eq 14
+        if self.holds_to is None:
+            return force
+        return np.where(self.holds_to * natural_frequency >= speed, force, np.nan)
 
     def amplitude(self, ratio: Real) -> Array:
-        return np.asarray((np.asarray(ratio, dtype=float) / self.slope) ** (1.0 / self.exponent))
+        A = np.asarray((np.asarray(ratio, dtype=float) / self.slope) ** (1.0 / self.exponent))
+        return A if self.holds_to is None else np.where(self.holds_to >= A, A, np.nan)
 
 
 class TableDamping(_Law):
@@ -226,6 +244,14 @@ class SumDamping(_Law):
     of: tuple[Annotated[ConstantDamping | PowerDamping | TableDamping, Field(discriminator="law")], ...] = Field(
         min_length=1
     )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.smallest_amplitude >= self.largest_amplitude:
+            low, high = self.smallest_amplitude, self.largest_amplitude
+            rule = f"has no amplitude at which all its laws hold: one begins at {low:g} m, one ends at {high:g} m"
+            raise refusal(("of",), rule, "give laws that hold over a common range")
+        return self
 
     @property
     def largest_amplitude(self) -> float:

@@ -89,11 +89,13 @@ def _as_in_a_file(law: Schema) -> None:
 def _or_a_tank_file(tank: Schema) -> None:
     """Let a tank be a spring-mass, a pendulum, or name a tank file, in place."""
     spring, pendulum = ["slosh_mass", "station", "frequency"], ["slosh_mass", "hinge_station", "pendulum_length"]
-    tank["required"] = [key for key in tank["required"] if key not in spring]
+    tank["required"] = [key for key in tank["required"] if key not in {*spring, "damping"}]
     tank["oneOf"] = [{"required": keys} for keys in (spring, pendulum, ["tank_file"])]
+    tank["anyOf"] = [{"required": [key]} for key in ("damping", "tank_file")]
     tank["properties"]["tank_file"] = {
         "type": "string",
-        "description": "tank file beside the case file, in place of slosh_mass, station and frequency",
+        "description": "tank file beside the case file, in place of slosh_mass, station and frequency, and of damping "
+        "where it gives viscosity, ring baffles or a floor",
     }
     tank["properties"]["mode"] = {"type": "number", "description": "which slosh mass of the tank file; default 1"}
 

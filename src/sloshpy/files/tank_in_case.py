@@ -1,4 +1,4 @@
-"""Tanks of a case that name a tank file in place of slosh mass, station and frequency."""
+"""Tanks of a case that name a tank file in place of slosh mass, station, frequency and, where it has it, damping."""
 
 import hashlib
 from pathlib import Path as FilePath
@@ -12,11 +12,17 @@ from sloshpy.files.tank_file import read_tank
 from sloshpy.files.text_file import beside
 from sloshpy.files.toml_text import Found
 from sloshpy.files.wording import value_at, words_of
-from sloshpy.tank import SloshModes, Tank, slosh_masses
+from sloshpy.tank import SloshModes, Tank, TankDamping, slosh_masses, tank_damping
 from sloshpy.units import UnitError, parse
 
 GIVEN = ("slosh_mass", "station", "frequency", "hinge_station", "pendulum_length")
-_STAND_IN = {"slosh_mass": "1e-3 kg", "station": "1 m", "frequency": "1 rad/s"}
+_STAND_IN = {
+    "slosh_mass": "1e-3 kg",
+    "station": "1 m",
+    "frequency": "1 rad/s",
+    "damping": {"law": "constant", "ratio": 0.01},
+}
+_NO_DAMPING = "add damping here, or kinematic_viscosity or damping_floor to the tank file"
 _SAME = 1e-3  # relative: accelerations that differ by less are not worth a word
 
 
@@ -50,7 +56,7 @@ def read_tank_files(
             found.append((path, Problem(key=key, value=value, rule=refusal.rule, cure=refusal.cure)))
             continue
         except InputError as error:
-            entry |= _STAND_IN
+            entry |= _STAND_IN | {key: entry[key] for key in ("damping",) if key in entry}
             found += [(path, problem) for problem in error.problems]
             continue
         name = entry.get("name", tank.name)
@@ -60,9 +66,32 @@ def read_tank_files(
         entry["station"] = f"{float(modes.station[n])!r} m"
         entry["frequency"] = f"{float(modes.frequency[n])!r} rad/s"
         entry.setdefault("radius", f"{modes.section.radius!r} m")
-        notes += [f"{name}: {note}" for note in [*told, *modes.reasons]]
+        damping = tank_damping(modes, mode)
+        notes += [f"{name}: {note}" for note in [*told, *modes.reasons, *_damped(entry, damping)]]
+        if "damping" not in entry:
+            where: Path = ("tank", j, "damping")
+            rule = "is missing, and the tank file gives none" + "".join(f": {why}" for why in damping.reasons)
+            found.append((where, Problem(key=words_of(where, document), value="", rule=rule, cure=_NO_DAMPING)))
+            entry["damping"] = _STAND_IN["damping"]
         given[f"tank.{name}.tank_file sha256"] = hashlib.sha256(table.read_bytes()).hexdigest()
     return found, notes
+
+
+def _damped(entry: dict[str, Any], damping: TankDamping) -> list[str]:
+    """Put the tank file's damping into a tank that has none of its own, in place; return what to note of it."""
+    if "damping" in entry:
+        return ["damping as the case gives it, not by the formulas of the tank file"] if damping.known else []
+    if not damping.known:
+        return []
+    parts: list[dict[str, Any]] = []
+    if damping.constant is not None:
+        parts.append({"law": "constant", "ratio": damping.constant})
+    if damping.baffles is not None:
+        law = damping.baffles.law
+        slope, end = f"{law.slope!r} 1/m^{law.exponent:g}", f"{law.largest_amplitude!r} m"
+        parts.append({"law": "power", "slope": slope, "exponent": law.exponent, "largest_amplitude": end})
+    entry["damping"] = parts[0] if len(parts) == 1 else {"law": "sum", "of": parts}
+    return list(damping.sources)
 
 
 class _Refusal(Exception):

@@ -156,7 +156,8 @@ def _law(law: DampingLaw) -> str:
             return f'{{ law = "constant", ratio = {_digits(law.constant_ratio)} }}'
         case PowerDamping(exponent=p):
             unit = "1/m" if p == 1.0 else f"1/m^{p:g}"
-            return f'{{ law = "power", slope = "{_digits(law.slope)} {unit}", exponent = {_digits(p)} }}'
+            end = "" if law.holds_to is None else f', largest_amplitude = "{_digits(law.holds_to)} m"'
+            return f'{{ law = "power", slope = "{_digits(law.slope)} {unit}", exponent = {_digits(p)}{end} }}'
         case TableDamping():
             amplitude = ", ".join(f'"{text}"' for text in as_written(law.tested_amplitude))
             return f'{{ law = "table", amplitude = [{amplitude}], ratio = {_list(law.tested_ratio.tolist())} }}'

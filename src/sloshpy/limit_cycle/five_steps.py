@@ -256,7 +256,7 @@ def _unsupported(case: Case, tank: int, xi: float, amplitude: float, omega: floa
     mass = case.vehicle.tanks[tank]
     if np.isnan(amplitude):
         last = mass.damping.largest_amplitude
-        ends = f"the data end at {100 * float(mass.damping.ratio(last)):.4g} % at {last:g} m"
+        ends = f"data or formula end with {100 * float(mass.damping.ratio(last)):.4g} % at {last:.4g} m"
         return [f"outside the damping data: {100 * xi:.4g} % is required, {ends}"]
     reasons = []
     if mass.radius is not None and amplitude > NO_MODEL_SHARE_OF_RADIUS * float(mass.radius):

@@ -13,6 +13,7 @@ from sloshpy.plots.nichols import plot_nichols
 from sloshpy.plots.root_locus import plot_root_locus
 from sloshpy.plots.save import figure_bytes, save_figure
 from sloshpy.plots.tank import plot_fill_history, plot_tank
+from sloshpy.plots.tank_damping import plot_tank_damping
 from sloshpy.plots.time_history import plot_time_history
 from sloshpy.plots.tvc_gain import plot_tvc_gain
 
@@ -31,6 +32,7 @@ __all__ = [
     "plot_nichols",
     "plot_root_locus",
     "plot_tank",
+    "plot_tank_damping",
     "plot_time_history",
     "plot_tvc_gain",
     "save_figure",

@@ -7,8 +7,8 @@ from sloshpy.plots.style import (
     ALARM,
     INK,
     SAFE,
-    SHADE,
     SMALL,
+    VALID,
     axes_or_new,
     curve_style,
     finish,
@@ -19,7 +19,7 @@ from sloshpy.stability import DampingLawCurve
 
 
 def plot_damping_law(curve: DampingLawCurve, ax: Axes | None = None) -> Axes:
-    """Draw xi over the amplitude with neutral and required damping; amplitudes without data are shaded."""
+    """Draw xi over the amplitude with neutral and required damping; where the law ends, its range is shaded."""
     ax = axes_or_new(ax)
     a, xi = curve.amplitude, 100.0 * curve.ratio
     ax.plot(a, xi, **curve_style(2))
@@ -29,12 +29,13 @@ def plot_damping_law(curve: DampingLawCurve, ax: Axes | None = None) -> Axes:
     low, high = curve.tested
     right = float(a[-1]) if np.isinf(high) else 1.15 * high
     ax.set_xlim(0.0, right)
+    if low > 0.0 or right > high:
+        ax.axvspan(low, min(high, right), color=VALID, linewidth=0.0, zorder=0)
     for begin, end in ((0.0, low), (high, right)):
         if begin < end:
-            ax.axvspan(begin, end, color=SHADE, alpha=0.8, linewidth=0.0)
-            middle = (0.5 * (begin + end), 0.5)
-            words = {"rotation": 90, "ha": "center", "va": "center", "fontsize": SMALL, "color": INK}
-            ax.annotate("no data", middle, xycoords=("data", "axes fraction"), **words)  # type: ignore[arg-type]
+            middle = (0.5 * (begin + end), 0.03)
+            words = {"rotation": 90, "ha": "center", "va": "bottom", "fontsize": SMALL, "color": INK}
+            ax.annotate("unknown", middle, xycoords=("data", "axes fraction"), **words)  # type: ignore[arg-type]
     for value, at, name, color, line in (
         (need, curve.required_amplitude, "required", SAFE, "-"),
         (neutral, curve.neutral_amplitude, "neutral", ALARM, (0, (4.0, 2.0))),
@@ -58,7 +59,7 @@ def _message(curve: DampingLawCurve) -> str:
     if need == 0.0:
         return f"{tank} needs no slosh damping"
     if np.isnan(at):
-        return f"The damping data of {tank} end before the {percent(need)} that it needs"
+        return f"The damping law of {tank} ends before the {percent(need)} that it needs"
     if np.isinf(at):
         return f"The damping of {tank} never reaches the {percent(need)} that it needs"
     return f"{tank} slosh has the {percent(need)} damping that it needs from {at:.3g} m on"

@@ -15,6 +15,7 @@ TITLE_WIDTH = 66  # characters
 SMALL = 9.0  # pt: the least font size in a figure
 
 INK, GREY, SHADE, ALARM, SAFE = "#1a1a1a", "#6b6b6b", "#d9d9d9", "#b22222", "#00558a"
+VALID = "#e2ebf2"  # the range in which data or a formula hold
 
 # dark to light, so that the order survives in grey; style and width say the same again
 CURVES: tuple[dict[str, Any], ...] = (

@@ -85,7 +85,8 @@ def simulate_ensemble(
         step: s, at most; default: a tenth of the fastest slosh radian, and half a radian of the fastest bending mode.
 
     Raises:
-        OutsideValidity: a tabulated law or an actuator limit, which `simulate` handles one case at a time.
+        OutsideValidity: a tabulated law, a law with an end of its validity or an actuator limit, which `simulate`
+            handles one case at a time.
     """
     from sloshpy.simulation.kernel import LANES, march  # numba, 0.5 s: only where many runs are wanted
 
@@ -268,6 +269,10 @@ def _laws(case: Case) -> tuple[Array, Array, Array]:
             if isinstance(part, ConstantDamping):
                 ratio += part.constant_ratio
             elif isinstance(part, PowerDamping):
+                if part.holds_to is not None:  # the kernel does not look where a law ends
+                    raise OutsideValidity(
+                        f"{tank.name} has a law that holds to {part.holds_to:g} m only: simulate each case"
+                    )
                 if np.ndim(tank.frequency) and part.exponent != 1.0:
                     raise OutsideValidity("a batch of slosh frequencies needs power laws of exponent 1 in an ensemble")
                 powers.append((part.coefficient(float(np.ravel(tank.frequency)[0])), part.exponent))

@@ -137,17 +137,20 @@ def _polynomials(loop: Loop, line: _Line, omega: Array) -> tuple[ComplexArray, C
     Faddeev and Le Verrier det(1 + t M) = sum e_j t^j and adj(1 + t M) = sum B_j t^j with e_j = tr(M B_{j-1})/j and
     B_j = e_j - M B_{j-1}; k is the number of tanks that change, and the rank of M.
     """
-    Y_b, Y_a, z_b, Z_a = (np.moveaxis(x, 0, -1) for x in at_reference(loop, 1j * omega, line.base))
+    Y_b, Y_a, z_b, Z_a = (
+        np.asarray(np.moveaxis(x, 0, -1), dtype=complex) for x in at_reference(loop, 1j * omega, line.base)
+    )
     tanks = len(line.base)
     rate = 2j * omega * (loop.plant.tank_frequency * line.direction)[:, None]
-    M, row, order = Z_a * rate, Y_a * rate, int(np.count_nonzero(line.direction))
+    M, row = np.asarray(Z_a * rate, dtype=complex), np.asarray(Y_a * rate, dtype=complex)
+    order = int(np.count_nonzero(line.direction))
     e, v = [np.ones_like(Y_b)], [z_b]
-    B = np.eye(tanks)[..., None] + 0.0 * M
+    B = np.asarray(np.eye(tanks)[..., None] + 0.0 * M, dtype=complex)
     for j in range(1, order + 1):
         MB = M if j == 1 else _product(M, B)
         e.append(np.einsum("iif->f", MB) / j)
         if j < order:
-            B = np.eye(tanks)[..., None] * e[j] - MB
+            B = np.asarray(np.eye(tanks)[..., None] * e[j] - MB, dtype=complex)
             v.append(np.sum(B * z_b, axis=1))
     top = [Y_b, *(Y_b * e[j] - np.sum(row * v[j - 1], axis=0) for j in range(1, order + 1))]
     slosh = np.zeros((tanks, 2 * len(v) - 1, len(omega)))

@@ -19,6 +19,7 @@ def flat_bottom(section: LiquidSection, modes: int) -> Modal:
     a, b, h = section.radius, section.inner_radius, section.depth
     k, f = (_cylinder if b == 0.0 else _annulus)(a, b, max(modes, _TERMS))
     f_a, f_b = f(k, np.asarray(a)), (f(k, np.asarray(b)) if b > 0.0 else np.zeros(len(k)))
+    walls = [(a, f_a), (b, f_b)] if b > 0.0 else [(a, f_a)]
     moment = (a * f_a - b * f_b) / k**2  # of r^2 f dr, by Bessel's equation
     square = 0.5 * ((a**2 - k**-2.0) * f_a**2 - (b**2 - k**-2.0) * f_b**2)  # of r f^2 dr
     tanh = np.tanh(k * h)
@@ -26,6 +27,13 @@ def flat_bottom(section: LiquidSection, modes: int) -> Modal:
     disc = np.pi * (a**2 - b**2)
     lid = disc * h**3 / 12.0 - 3.0 * h * section.surface_inertia
     lid += 8.0 * np.pi * float(np.sum(moment**2 / square * np.tanh(0.5 * k * h) / k))
+    still = h / (
+        2.0 * np.cosh(np.minimum(k * h, 300.0)) ** 2
+    )  # with tanh / 2 k: int cosh^2 and sinh^2 over cosh^2(k h)
+    moving = tanh / (2.0 * k)
+    sides = sum(c * f_c**2 * ((moving + still) / c**2 + k**2 * (moving - still)) for c, f_c in walls)
+    volume = k * tanh * square
+    floor = k**2 * square / np.cosh(np.minimum(k * h, 300.0)) ** 2 / volume
     n = slice(0, modes)
     radius = np.linspace(b, a, 201)
     kappa = k * tanh
@@ -38,6 +46,9 @@ def flat_bottom(section: LiquidSection, modes: int) -> Modal:
         error=np.full(modes, 1e-10),
         radius=radius,
         shape=np.stack([f(k[j], radius) / f_a[j] for j in range(modes)]),
+        friction=(sides / volume + floor)[n],
+        floor_friction=floor[n],
+        friction_error=np.full(modes, 1e-10),
         method="closed form",
     )
 

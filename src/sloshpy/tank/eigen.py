@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sloshpy.errors import OutsideValidity
+from sloshpy.tank.friction import wall_friction
 from sloshpy.tank.liquid import LiquidSection
 from sloshpy.tank.mesh import SectionMesh, first_mesh
 from sloshpy.tank.modal import Modal
@@ -37,14 +38,22 @@ def modes_by_elements(section: LiquidSection, modes: int, wanted: int, tolerance
         found = _solved(mesh, modes)
         now = _in_metres(found, section)
         if before is not None:
-            last, change = change, _change(before, now, section)
+            coarser, earlier = before
+            last, change = change, _change(earlier, now, section)
             shrinking = np.where(np.isfinite(last), change / np.maximum(last, 1e-300), 1.0)
             error = np.maximum(change * np.clip(_CAUTION * shrinking, 0.1, 1.0), _LEAST_ERROR)
             if np.all(error[:wanted] < tolerance) or len(found.indicator) > 0.6 * _MOST_TRIANGLES:
                 break
-        before, mesh = now, found.mesh.refined(_worst(found.indicator))
-    error = error + section.doubt
-    return replace(now, error=error, method=f"finite elements: {len(found.indicator)} quartic triangles")
+        before, mesh = (found, now), found.mesh.refined(_worst(found.indicator))
+    friction, floor = _friction(found)
+    return replace(
+        now,
+        error=error + section.doubt,
+        friction=friction,
+        floor_friction=floor,
+        friction_error=np.abs(_friction(coarser)[0] / friction - 1.0) + section.doubt,
+        method=f"finite elements: {len(found.indicator)} quartic triangles",
+    )
 
 
 def _solved(mesh: SectionMesh, modes: int) -> Potentials:
@@ -66,9 +75,15 @@ def _worst(indicator: Array) -> IntArray:
     return np.asarray(order[: min(max(enough, least), most)])
 
 
+def _friction(found: Potentials) -> Array:
+    """Return the friction integral of wall and floor to the integral over the volume, 1/m, (2, n)."""
+    of_volume = found.kappa * found.surface_square  # by Green's theorem
+    return wall_friction(found.mesh, found.basis, found.q) / of_volume / found.mesh.scale
+
+
 def _in_metres(found: Potentials, section: LiquidSection) -> Modal:
     a, p = found.mesh.scale, found
-    wall = p.surface_shape[:, -1:]
+    wall, nothing = p.surface_shape[:, -1:], np.zeros(len(p.kappa))
     mass = np.pi * a**3 * p.kappa * p.surface_moment**2 / p.surface_square
     felt = mass > NO_MASS * section.volume
     moment = np.where(felt, p.surface_moment, 1.0)
@@ -78,9 +93,12 @@ def _in_metres(found: Potentials, section: LiquidSection) -> Modal:
         spring_height=np.where(felt, section.depth - 2.0 * a * p.lift / (p.kappa * moment), np.nan),
         wave=p.kappa * p.wall * p.surface_moment / p.surface_square,
         lid_volume=np.pi * a**5 * p.lid,
-        error=np.zeros(len(p.kappa)),
+        error=nothing,
         radius=a * p.surface_radius,
         shape=p.surface_shape / wall,
+        friction=nothing,
+        floor_friction=nothing,
+        friction_error=nothing,
         method="",
     )
 

@@ -1,5 +1,6 @@
 """Slosh masses along a flight: a table of fill and acceleration to a table of all that the plant needs."""
 
+import functools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from pydantic import ValidationError
 from sloshpy.errors import OutsideValidity
 from sloshpy.tank.slosh_masses import SloshModes, slosh_masses
 from sloshpy.tank.tank import Fill, Tank
+from sloshpy.tank.tank_damping import TankDamping, tank_damping
 from sloshpy.units import Array
 
 if TYPE_CHECKING:
@@ -35,9 +37,12 @@ _OF_TANK = {
 }
 
 
+_OF_DAMPING = {"wall_damping": "1", "constant_damping": "1", "ring_coefficient": "m^-1/2", "ring_amplitude": "m"}
+
+
 @dataclass(frozen=True, kw_only=True)
 class FillHistory:
-    """The slosh masses of one tank at several fills, (P,) points; nan where there is none.
+    """The slosh masses of one tank and the damping of the first at several fills, (P,) points; nan where there is none.
 
     rows: the result at each point, None where there is none; reason: why, "" elsewhere. time: (P,), s, or None.
     depth: (P,), m. acceleration: (P,), m/s^2.
@@ -69,6 +74,31 @@ class FillHistory:
         """Return a quantity of the whole liquid, such as "fixed_mass", (P,)."""
         return np.array([np.nan if row is None else getattr(row, name) for row in self.rows])
 
+    @functools.cached_property
+    def damping(self) -> tuple[TankDamping | None, ...]:
+        """Damping of the first slosh mass at each point, (P,)."""
+        return tuple(None if row is None else tank_damping(row) for row in self.rows)
+
+    def of_damping(self, name: str) -> Array:
+        """Return a quantity of the damping, (P,), nan where no formula gives it.
+
+        wall_damping; constant_damping: of wall or floor, at any amplitude; ring_coefficient c of c A^(1/2) by ring
+        baffles, A the slosh-mass displacement in m, and ring_amplitude, to which that holds.
+        """
+        found = np.full(len(self.rows), np.nan)
+        for k, one in enumerate(self.damping):
+            if one is None:
+                continue
+            wall, rings = one.wall, one.baffles
+            given = {
+                "wall_damping": None if wall is None else wall.ratio,
+                "constant_damping": one.constant,
+                "ring_coefficient": None if rings is None else rings.law.slope,
+                "ring_amplitude": None if rings is None else rings.largest_amplitude,
+            }[name]
+            found[k] = np.nan if given is None else given
+        return found
+
     def __str__(self) -> str:
         missing = [k for k, row in enumerate(self.rows) if row is None]
         lines = [f"{self.tank.name}: {len(self.rows)} fills, {len(missing)} without slosh masses"]
@@ -91,11 +121,15 @@ class FillHistory:
         return "\n".join(lines)
 
     def to_json(self) -> str:
-        """Return one JSON object in SI units: each point as `SloshModes.to_dict`, or null with a reason."""
+        """Return one JSON object in SI units: each point as of one tank with its damping, or null with a reason."""
         times = [None] * len(self.rows) if self.time is None else self.time.tolist()
+        tanks = [
+            None if row is None or damping is None else row.to_dict() | damping.to_dict()
+            for row, damping in zip(self.rows, self.damping, strict=True)
+        ]
         points = [
-            {"time": t, "acceleration": float(a), "reason": reason, "tank": None if row is None else row.to_dict()}
-            for t, a, reason, row in zip(times, self.acceleration, self.reason, self.rows, strict=True)
+            {"time": t, "acceleration": float(a), "reason": reason, "tank": one}
+            for t, a, reason, one in zip(times, self.acceleration, self.reason, tanks, strict=True)
         ]
         return json.dumps({"name": self.tank.name, "points": points}, indent=1)
 
@@ -110,10 +144,12 @@ class FillHistory:
         }
         data |= {name: ("point", self.of_tank(name), {"units": unit}) for name, unit in _OF_TANK.items()}
         data |= {name: (["point", "mode"], self.of_modes(name), {"units": unit}) for name, unit in _OF_MODES.items()}
+        data |= {name: ("point", self.of_damping(name), {"units": unit}) for name, unit in _OF_DAMPING.items()}
         if self.tank.bottom_station is not None:
             station = self.tank.bottom_station + self.of_modes("spring_height")
             data["station"] = (["point", "mode"], station, {"units": "m"})
         data["reason"] = ("point", list(self.reason))
+        data["damping"] = ("point", ["" if one is None else "; ".join(one.sources) for one in self.damping])
         coords: dict[str, Any] = {"mode": np.arange(1, self.tank.modes + 1)}
         if self.time is not None:
             coords["time"] = ("point", self.time, {"units": "s"})

@@ -9,6 +9,7 @@ from sloshpy.tank.shapes import Shape
 from sloshpy.units import Array, Real
 
 WALL, AXIS, SURFACE = "wall", "axis", "surface"
+_FILM = 1e-9  # of the depth: a fill given by volume may end so far above an edge of the wall
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,12 +80,12 @@ def liquid_section(shape: Shape, depth: float) -> LiquidSection:
 
 
 def _below(wall: tuple[Piece, ...], depth: float) -> list[Part]:
-    """Return what of a wall lies below a depth; a step just at the surface stays dry."""
+    """Return what of a wall lies below a depth; a step just at the surface stays dry, as does what a film would wet."""
     parts = []
     for piece in wall:
         end = reach(piece, depth)
         level = piece.point(np.array([0.0, end]))[1]
-        if end == 0.0 or (level[0] >= depth):
+        if end == 0.0 or level[0] >= depth * (1.0 - _FILM):
             break
         parts.append(Part(piece=piece, start=0.0, end=end, kind=WALL))
     return parts

@@ -52,10 +52,14 @@ class SectionMesh:
     @property
     def surface(self) -> IntArray:
         """Facets on the free surface."""
+        return self.facets_of(SURFACE)
+
+    def facets_of(self, kind: str) -> IntArray:
+        """Return the facets on the parts of the boundary of one kind: wall, axis or surface."""
         facets = self.mesh.boundary_facets()
         first, last = self.between(*self.mesh.facets[:, facets])
-        here = next(k for k, part in enumerate(self.section.boundary) if part.kind == SURFACE)
-        return np.asarray(facets[np.floor(0.5 * (first + last)) == here])
+        of_kind = np.array([part.kind == kind for part in self.section.boundary])
+        return np.asarray(facets[of_kind[np.floor(0.5 * (first + last)).astype(int)]])
 
     def refined(self, marked: IntArray) -> "SectionMesh":
         """Return the mesh with the marked triangles halved or quartered; new boundary vertices lie on the wall."""
@@ -125,11 +129,13 @@ def _triangles(section: LiquidSection, scale: float, place: Array) -> SectionMes
     after = np.roll(np.arange(len(place)), -1)
     inside = _inside(edge, after)
     p = np.concatenate([edge, inside], axis=1)
+    bulged = edge + _bulge(empty, edge)
+    apart = np.concatenate([bulged, inside], axis=1)
     try:
-        t = Delaunay((p + np.pad(_bulge(empty, edge), ((0, 0), (0, inside.shape[1])))).T).simplices.T
+        t = Delaunay(apart.T).simplices.T
     except QhullError:
         raise OutsideValidity("the liquid's section cannot be meshed: it has no area") from None
-    t = t[:, _within(p[:, t].mean(axis=1), edge)]
+    t = t[:, _within(apart[:, t].mean(axis=1), bulged)]  # where a wall's end hardly bends, only they agree
     x, y = p[:, t]
     double_area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     t = t[:, np.abs(double_area) > 1e-12]

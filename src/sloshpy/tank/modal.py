@@ -13,6 +13,8 @@ class Modal:
     point in m, nan where there is no mass; wave height at the outer wall over displacement of the slosh mass; error:
     estimated, relative. lid_volume: effective inertia under a rigid lid about the c.g. over density, m^5. radius (k,)
     and shape (n, k): the surface along a radius in m, 1 at the outer wall.
+    friction and floor_friction: int |grad phi|^2 over the wetted wall, and over its floor, to that over the volume,
+    1/m, of each mode; friction_error: estimated, relative.
     """
 
     kappa: Array
@@ -23,4 +25,7 @@ class Modal:
     error: Array
     radius: Array
     shape: Array
+    friction: Array
+    floor_friction: Array
+    friction_error: Array
     method: str

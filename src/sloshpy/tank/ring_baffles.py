@@ -22,7 +22,7 @@ _DEEP = 1.0  # radii of liquid below the lowest ring
 
 @dataclass(frozen=True, kw_only=True)
 class BaffleDamping:
-    """zeta = coefficient (eta/R)^1/2 of the first slosh mode, eta the wave height at the wall; by wet rings alone.
+    """zeta = coefficient (eta/R)^1/2 of the first slosh mode, eta the wave height at the wall; by `rings` alone.
 
     wave_per_displacement turns it into the slosh-mass displacement A of the laws of damping: eta = wave A. The formula
     holds to largest_amplitude, m of slosh-mass displacement. decay: whose decay with the depth of a ring was taken.
@@ -41,27 +41,35 @@ class BaffleDamping:
 
     @property
     def largest_amplitude(self) -> float:
-        """Slosh-mass displacement in m at which the wave is a tenth of the radius: the formula holds to there."""
-        return HIGHEST_WAVE * self.modes.section.radius / self.wave_per_displacement
+        """Slosh-mass displacement in m to which the formula holds: a wave of a tenth of the radius, no ring dry."""
+        section = self.modes.section
+        nearest = min(section.depth - ring.height for ring in self.rings)
+        return min(HIGHEST_WAVE * section.radius, nearest) / self.wave_per_displacement
 
     @property
     def law(self) -> PowerDamping:
         """The law of damping for a case, in slosh-mass displacement; not supported beyond `largest_amplitude`."""
         slope = self.coefficient * np.sqrt(self.wave_per_displacement / self.modes.section.radius)
-        return PowerDamping(slope=float(slope), exponent=0.5)
+        return PowerDamping(slope=float(slope), exponent=0.5, largest_amplitude=self.largest_amplitude)
+
+    @property
+    def whose(self) -> str:
+        """Whose decay with the depth of a ring was taken."""
+        return {"coogan-green": "decay after Coogan and Green", "miles": "decay after Miles, not conservative"}[
+            self.decay
+        ]
 
     def ratio(self, amplitude: Real) -> Array:
         """Return the damping ratio at slosh-mass displacements in m; nan beyond what the formula supports."""
-        A = np.asarray(amplitude, dtype=float)
-        return np.where((A >= 0.0) & (self.largest_amplitude >= A), self.law.ratio(np.abs(A)), np.nan)
+        return self.law.ratio(amplitude)
 
     def __str__(self) -> str:
-        whose = {"coogan-green": "decay after Coogan and Green", "miles": "decay after Miles, not conservative"}
-        head = f"{self.modes.tank.name}: {len(self.rings)} wet ring{'s' * (len(self.rings) != 1)}"
-        lines = [f"{head}, zeta = {self.coefficient:.4g} (eta/R)^(1/2) ({whose[self.decay]})"]
+        head = f"{self.modes.tank.name}: {len(self.rings)} ring{'s' * (len(self.rings) != 1)}"
+        lines = [f"{head}, zeta = {self.coefficient:.4g} (eta/R)^(1/2) ({self.whose})"]
         most = self.largest_amplitude
-        ratio = 100.0 * float(self.law.ratio(most))
-        lines.append(f"  {ratio:.3g} % at {most:.3g} m of slosh, to where it holds (wave a tenth of the radius)")
+        ratio = 100.0 * float(self.ratio(most))
+        wave = most * self.wave_per_displacement
+        lines.append(f"  {ratio:.3g} % at {most:.3g} m of slosh, to where it holds (wave of {wave:.3g} m at the wall)")
         return "\n".join([*lines, *(f"  - {reason}" for reason in self.reasons)])
 
 
@@ -71,11 +79,13 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
         zeta = 2.83 sum exp(-c d/R) A_b^(3/2) (eta/R)^(1/2),  A_b = (w/R)(2 - w/R)
 
     with d a ring's depth below the surface and w its width; c = 4.60 (Miles) or 1.55 times that (Coogan and Green, who
-    found Miles not conservative), the default. Rings above the surface count for nothing.
+    found Miles not conservative), the default. Rings above the surface count for nothing. A ring less than a tenth of
+    the radius below it comes out of the highest wave for which the formula holds: it counts for nothing beside deeper
+    ones; alone it counts, and the formula ends at the wave that lays it dry.
 
     Raises:
         OutsideValidity: no ring is wet, a wall that is not cylindrical at surface and rings, a ring wider than a fifth
-            of the radius, a ring that the surface at rest stands in.
+            of the radius, no ring but one that the surface at rest stands at.
     """
     section, R = modes.section, modes.section.radius
     wet = tuple(ring for ring in modes.tank.baffle if ring.height <= section.depth)
@@ -91,17 +101,26 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
             )
         if ring.width > WIDEST * R:
             raise OutsideValidity(f"the ring of {ring.height:g} m is wider than {WIDEST:g} of the radius {R:.4g} m")
-    total = sum(ring_coefficient(ring.width / R, (section.depth - ring.height) / R, decay) for ring in wet)
+    deep = tuple(ring for ring in wet if section.depth - ring.height >= HIGHEST_WAVE * R * (1.0 - 1e-9))
+    counted = deep or tuple(ring for ring in wet if ring.height < section.depth)
+    if not counted:
+        raise OutsideValidity(f"the surface stands at the ring of {wet[0].height:g} m, which every wave lays dry")
+    total = sum(ring_coefficient(ring.width / R, (section.depth - ring.height) / R, decay) for ring in counted)
     reasons = []
     dry = len(modes.tank.baffle) - len(wet)
     if dry:
         reasons.append(f"{dry} ring{'s' * (dry != 1)} above the surface left out")
-    if min(ring.height for ring in wet) < _DEEP * R:
+    if min(ring.height for ring in counted) < _DEEP * R:
         reasons.append("less than a radius of liquid below the lowest ring: outside the tests of the formula")
     nearest = min(section.depth - ring.height for ring in wet)
-    if nearest < HIGHEST_WAVE * R:
-        reasons.append(f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that")
-    return BaffleDamping(modes=modes, coefficient=total, rings=wet, decay=decay, reasons=tuple(reasons))
+    if nearest < HIGHEST_WAVE * R and deep:
+        reasons.append(f"a ring {nearest:.3g} m below the surface left out: it comes out of a wave higher than that")
+    elif not deep:
+        nearest = min(section.depth - ring.height for ring in counted)
+        reasons.append(
+            f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that: this ends there"
+        )
+    return BaffleDamping(modes=modes, coefficient=total, rings=counted, decay=decay, reasons=tuple(reasons))
 
 
 def ring_coefficient(width: float, depth: float, decay: Decay = "miles") -> float:

@@ -31,7 +31,8 @@ class SloshModes:
     fixed_mass, kg, fixed_mass_height and fixed_mass_inertia, kg m^2, complete liquid mass, c.g. and rigid-lid inertia;
     the fixed inertia may be negative. rigid_lid_inertia: of the liquid about its c.g. with the surface closed by a lid,
     kg m^2. next_mass: of the first mode left out, kg. surface_radius, (k,), m, and surface_shape, (n, k): the modes
-    along a radius of the surface, 1 at the wall.
+    along a radius of the surface, 1 at the wall. wall_friction, (n,), 1/m: int |grad phi|^2 over the wetted wall to
+    that over the volume, floor_friction the part of what rises by less than 45 degrees; friction_error: relative.
     """
 
     tank: Tank
@@ -50,6 +51,9 @@ class SloshModes:
     next_mass: float
     surface_radius: Array
     surface_shape: Array
+    wall_friction: Array
+    floor_friction: Array
+    friction_error: Array
     method: str
 
     @property
@@ -259,5 +263,8 @@ def _dressed(tank: Tank, section: LiquidSection, modal: Modal) -> SloshModes:
         next_mass=rho * float(modal.mass_volume[-1]),
         surface_radius=modal.radius,
         surface_shape=modal.shape[n],
+        wall_friction=modal.friction[n],
+        floor_friction=modal.floor_friction[n],
+        friction_error=modal.friction_error[n],
         method=modal.method,
     )

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
+from sloshpy.damping.laws import MOST_DAMPING
 from sloshpy.tank.liquid import LiquidSection, depth_of_volume, liquid_section, moments_below
 from sloshpy.tank.shapes import AnyShape
 from sloshpy.units import Quantity, UnitError, parse, refusal
@@ -91,6 +92,20 @@ class Tank(BaseModel):
     modes: int = Field(default=1, ge=1, le=12, strict=True, description="slosh masses wanted")
     bottom_station: (
         Annotated[float, Quantity("m", "X_t", "the tank's lowest point forward of the gimbal; gives stations")] | None
+    ) = None
+    damping_floor: (
+        Annotated[
+            float,
+            Quantity(
+                "1",
+                "xi_0",
+                "damping ratio at any amplitude, such as measured without baffles; the wall's where that is greater",
+                above=0.0,
+                most=MOST_DAMPING,
+                hint='a damping ratio above 0.3 is not slosh; a percentage is written "0.1 %"',
+            ),
+        ]
+        | None
     ) = None
     liquid: Liquid
     shape: AnyShape
