@@ -120,7 +120,7 @@ def _on_line(loop: Loop, line: _Line, omega: Array, criteria: Criteria) -> tuple
             top, bottom, slosh = _polynomials(loop.take(np.asarray(i * inner)), line, omega)
         except np.linalg.LinAlgError:
             return None
-        parts = [np.ascontiguousarray(part) for part in (top.real, top.imag, bottom.real, bottom.imag)]
+        parts = [np.array(part, dtype=float) for part in (top.real, top.imag, bottom.real, bottom.imag)]
         for k in range(0, inner, some):
             t = line.t[k : k + some]
             rows = slice(i * inner + k, i * inner + k + len(t))
