@@ -20,6 +20,10 @@ def assess_command(
     json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
     report: Annotated[Path | None, Parameter(help="write a self-contained HTML report")] = None,
     figures: Annotated[Path | None, Parameter(help="write every figure into this folder")] = None,
+    full: Annotated[
+        bool,
+        Parameter(negative="", help="into report and figures also exact orbits, degradation map, all danger zones"),
+    ] = False,
     damping: Damping = None,
     amplitude: Amplitude = None,
 ) -> int:
@@ -32,14 +36,16 @@ def assess_command(
         writable(case, report, {".html", ".htm"})
     if figures is not None and figures.exists() and not figures.is_dir():
         raise refused("--figures", figures, "is a file", "name a folder")
+    if full and report is None and figures is None:
+        raise refused("--full", "", "needs --report or --figures", "name where it goes")
     review = assess(read, **read_at(read, damping, amplitude))
     if report is not None or figures is not None:
         from sloshpy.report import write_figures, write_report  # matplotlib: only when something is drawn
 
         if figures is not None:
-            write_figures(review, figures)
+            write_figures(review, figures, full=full)
         if report is not None:
-            write_report(review, report)
+            write_report(review, report, full)
     if json:
         print(review.to_json())
     else:

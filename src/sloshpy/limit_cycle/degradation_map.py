@@ -113,19 +113,19 @@ class DegradationMap:
 
 
 def degradation_map(
-    case: Case, tank: int = 0, gain_db: Array | None = None, delay: Array | None = None
+    case: Case, tank: int | str = 0, gain_db: Array | None = None, delay: Array | None = None
 ) -> DegradationMap:
     """Return the limit cycle of a case over degradations of its loop by gain and delay.
 
     Args:
         case: one vehicle and autopilot.
-        tank: number of the tank whose slosh amplitude and paper's point are meant.
+        tank: name or number of the tank whose slosh amplitude and paper's point are meant.
         gain_db: (G,), increasing, dB; default: 21 values to 1.25 of the gain margin either way.
         delay: (D,), increasing, s; default: 21 values to 1.25 of the phase margin, as a delay at the frequency of the
             tank's least disc margin.
     """
     single(case, "degradation_map")
-    criteria = case.criteria
+    tank, criteria = case.tank_index(tank), case.criteria
     predicted = predict_limit_cycle(case, tank)
     mass = case.vehicle.tanks[tank]
     W = predicted.omega if np.isfinite(predicted.omega) else float(mass.frequency)

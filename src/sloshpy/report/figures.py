@@ -10,12 +10,14 @@ import numpy as np
 
 from sloshpy.assess import Assessment, TankReview
 from sloshpy.errors import OutsideValidity
-from sloshpy.limit_cycle import LimitCycle, growth_curve
+from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve
 from sloshpy.plots import (
     plot_bode,
     plot_damping_law,
     plot_damping_sweep,
     plot_danger_zone,
+    plot_danger_zones,
+    plot_degradation_map,
     plot_growth,
     plot_limit_cycle,
     plot_nichols,
@@ -56,8 +58,11 @@ class ReportFigure:
     missing: str = ""
 
 
-def figures(assessment: Assessment) -> list[ReportFigure]:
-    """Return every figure of an assessment: the loop's first, then each tank's, the time history last."""
+def figures(assessment: Assessment, full: bool = False) -> list[ReportFigure]:
+    """Return every figure of an assessment: the loop's first, then each tank's, the time history last.
+
+    full: with those that take their time, the danger zones of all tanks together and the degradation map.
+    """
     case = assessment.case
     found = [
         ReportFigure(
@@ -73,6 +78,8 @@ def figures(assessment: Assessment) -> list[ReportFigure]:
     for j, tank in enumerate(assessment.tanks):
         found += _of_tank(assessment, j, tank)
     worst = leading_limit_cycle(assessment)
+    if full:
+        found += _in_full(assessment, worst)
     found.append(
         ReportFigure(
             number="9",
@@ -85,6 +92,40 @@ def figures(assessment: Assessment) -> list[ReportFigure]:
         )
     )
     return found
+
+
+def _in_full(assessment: Assessment, worst: LimitCycle) -> list[ReportFigure]:
+    case = assessment.case
+    untrusted = "" if assessment.margins.trusted else UNTRUSTED
+    drawn = [
+        ReportFigure(
+            number="",
+            title="Degradation map",
+            tank=worst.tank,
+            caption="Engine amplitude of the limit cycle that extra gain and delay would leave, the disc margin in it "
+            "and the point of figure 8.",
+            stem="degradation_map",
+            draw=lambda: plot_degradation_map(degradation_map(case, worst.tank)),
+            missing=untrusted,
+        )
+    ]
+    if len(assessment.tanks) > 1:
+        zones = ReportFigure(
+            number="",
+            title="Danger zones of all tanks",
+            tank="",
+            caption="Damping each tank would need at each station of the vehicle, and where it is.",
+            stem="danger_zones",
+            draw=lambda: plot_danger_zones(
+                [
+                    required_damping_map(case, j, others=tank.limit_cycle.required.source.damping)
+                    for j, tank in enumerate(assessment.tanks)
+                ]
+            ),
+            missing=untrusted,
+        )
+        drawn.insert(0, zones)
+    return drawn
 
 
 def leading_limit_cycle(assessment: Assessment) -> LimitCycle:
@@ -140,13 +181,16 @@ def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFig
     ]
 
 
-def write_figures(assessment: Assessment, folder: str | os.PathLike[str], suffix: str = "png") -> list[Path]:
+def write_figures(
+    assessment: Assessment, folder: str | os.PathLike[str], suffix: str = "png", full: bool = False
+) -> list[Path]:
     """Write every figure of an assessment that can be drawn into a folder, which is made where it is not there.
 
     Args:
         assessment: result of `assess`.
         folder: for the files, named by the paper's figure number and what they show.
         suffix: "png", "svg" or "pdf".
+        full: as in `figures`.
 
     Returns:
         The files written, in order.
@@ -154,7 +198,7 @@ def write_figures(assessment: Assessment, folder: str | os.PathLike[str], suffix
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     written = []
-    for figure in figures(assessment):
+    for figure in figures(assessment, full):
         if figure.missing:
             continue
         try:

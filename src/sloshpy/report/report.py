@@ -15,7 +15,16 @@ from sloshpy.files.write import write_whole
 from sloshpy.plots import figure_bytes
 from sloshpy.report.figures import ReportFigure, figures
 from sloshpy.report.inputs import input_rows
-from sloshpy.report.tables import by_mode_table, criteria_table, crossing_table, cycle_table, mode_table, tank_table
+from sloshpy.report.tables import (
+    by_mode_table,
+    criteria_table,
+    crossing_table,
+    cycle_table,
+    mode_table,
+    orbit_table,
+    sensitivity_table,
+    tank_table,
+)
 
 METHOD = (
     ("Equations of motion", "eqs 1 to 12, with the signs that make the mass matrix symmetric"),
@@ -36,7 +45,7 @@ class _Shown:
     reason: str
 
 
-def write_report(assessment: Assessment, path: str | os.PathLike[str]) -> Path:
+def write_report(assessment: Assessment, path: str | os.PathLike[str], full: bool = False) -> Path:
     """Write the report of an assessment as one HTML file that needs nothing from outside, whole or not at all.
 
     The same case gives the same bytes; no date is written.
@@ -44,26 +53,28 @@ def write_report(assessment: Assessment, path: str | os.PathLike[str]) -> Path:
     Args:
         assessment: result of `assess`.
         path: the HTML file.
+        full: with what takes its time: exact orbits, degradation map, the danger zones of all tanks together.
     """
     if isinstance(assessment, Case):  # the slip that everyone makes once
         raise TypeError("write_report takes an assessment, not a case: write_report(assess(case), path)")
     target = Path(path)
-    write_whole(target, report_html(assessment).encode())
+    write_whole(target, report_html(assessment, full).encode())
     return target
 
 
-def report_html(assessment: Assessment) -> str:
-    """Return the report as a text."""
+def report_html(assessment: Assessment, full: bool = False) -> str:
+    """Return the report as a text; `full` as in `write_report`."""
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     pages = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     trusted, m = assessment.margins.trusted, assessment.margins
     loop = [mode_table(assessment), by_mode_table(assessment), crossing_table(m, assessment.read_at)] if trusted else []
-    loop += [cycle_table(assessment)] if trusted else []
+    loop += [sensitivity_table(assessment), cycle_table(assessment)] if trusted else []
+    loop += [orbit_table(assessment)] if trusted and full else []
     return pages.get_template("template.html").render(
         a=assessment,
         version=importlib.metadata.version("sloshpy"),
         tables=[criteria_table(assessment), tank_table(assessment), *loop],
-        figures=[_shown(k, figure) for k, figure in enumerate(figures(assessment))],
+        figures=[_shown(k, figure) for k, figure in enumerate(figures(assessment, full))],
         inputs=input_rows(assessment.case),
         cautions=[reason for reason in assessment.reasons if "caution" in reason or "not checked" in reason],
         assumptions=assumptions(assessment.case),

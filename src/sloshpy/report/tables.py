@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sloshpy.assess import Assessment, TankReview
-from sloshpy.stability import Margins, margin_table
+from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle import periodic_orbit
+from sloshpy.stability import Margins, damping_sensitivity, margin_table
 from sloshpy.stability.margins import in_unit
 from sloshpy.units import Array, decibel
 
@@ -154,6 +156,47 @@ def cycle_table(assessment: Assessment) -> Table:
     head = ("Limit cycle", "Frequency [Hz]", "Slosh", "Engine [mrad]")
     note = "" if rows else "None." if assessment.cycles is not None else "No number is supported; see the reasons."
     return Table(title="Limit cycles of the loop as given", head=head, rows=rows, note=note)
+
+
+def sensitivity_table(assessment: Assessment) -> Table:
+    """Return what 1 % more damping of each tank does to the growth of every mode, and which tank moves it most."""
+    found = damping_sensitivity(assessment.case, damping=assessment.margins.source.damping)
+    rows = [
+        (name, _number(p.real, "+.5f"), *(_number(0.01 * slope, "+.5f") for slope in slopes), driver or NONE)
+        for name, p, slopes, driver in zip(
+            found.poles.name, found.poles.value, found.growth_slope, found.driver, strict=True
+        )
+    ]
+    return Table(
+        title=f"Change of growth by 1 % more damping of a tank ({assessment.read_at})",
+        head=("Mode", "Growth [1/s]", *(f"{tank} [1/s]" for tank in found.tanks), "Moved most by"),
+        rows=rows,
+        note="Negative: the damping helps. First derivatives, all else held; – where two poles coincide.",
+    )
+
+
+def orbit_table(assessment: Assessment) -> Table:
+    """Return the exact periodic orbit beside each one-sinusoid limit cycle of the loop as given."""
+    rows = []
+    for cycle in assessment.cycles or ():
+        predicted = ", ".join(f"{name} {a:.4g} m" for name, a in cycle.slosh_amplitude.items())
+        try:
+            orbit = periodic_orbit(assessment.case, cycle)
+        except OutsideValidity as error:
+            rows.append((predicted, str(error), NONE, NONE, NONE))
+            continue
+        rows.append(
+            (
+                predicted,
+                ", ".join(f"{name} {a:.6g} m" for name, a in orbit.slosh_amplitude.items()),
+                f"{1e3 * orbit.tvc_amplitude:.4g}",
+                f"{100.0 * orbit.harmonics:.3g}",
+                {True: "attracts", False: "repels", None: "not known"}[orbit.stable],
+            )
+        )
+    head = ("One sinusoid", "Exact orbit", "Engine [mrad]", "Other harmonics [%]", "By Floquet multipliers")
+    note = "" if rows else "No limit cycle by one sinusoid to start from."
+    return Table(title="Exact periodic orbits of the loop as given", head=head, rows=rows, note=note)
 
 
 def _number(value: float, form: str, unit: str = "") -> str:
