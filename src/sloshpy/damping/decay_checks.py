@@ -13,7 +13,8 @@ LEAST_CYCLES = 5.0
 LEAST_SAMPLES_PER_CYCLE = 10.0
 _SLOWEST, _FASTEST = 0.005, 50.0  # Hz: of slosh, from a stage coasting at a thousandth of g to a beaker
 _FLAT = 0.08  # of a cycle: a crest held for longer is no crest
-_FALSE_ALARM = 1e-4  # of the whiteness test: a thousand white records pass
+FALSE_ALARM = 1e-4  # of the whiteness test: a thousand white records pass
+_SLOW = 2.0  # Hz: sampled more slowly, a wave of 1 Hz and more hides behind one of any lower frequency
 _COARSE = 0.5  # of the mean step: a scatter of the time stamps beyond it is a fault of the clock
 
 
@@ -37,6 +38,10 @@ def sampling_of(record: DecayRecord, hint: float | None) -> Sampling:
     if found.jitter > _COARSE:
         value = f"steps scatter by {100.0 * found.jitter:.3g} % of {step:.4g} s"
         raise record.refused(value, "the time stamps are not those of a clock", "mend the time column", None, "time")
+    if hint is None and 1.0 / step < _SLOW:
+        value = f"sampled at {1.0 / step:.4g} Hz"
+        rule = "is too slow to exclude that a faster wave is aliased"
+        raise record.refused(value, rule, "give the expected frequency as --frequency-hint", None, "time")
     if hint is not None:
         _enough_samples(record, step, hint, "hinted")
     return found
@@ -121,29 +126,28 @@ def check_strength(record: DecayRecord, fit: DecayFit, step: float, excess: floa
     return max(floor, float(amplitude[-1]))
 
 
-def whiteness(residual: Array) -> float:
-    """Return the probability that white noise is as correlated over 20 samples as the residual (Ljung and Box 1978)."""
+def white(fit: DecayFit) -> bool:
+    """Whether white noise may be as correlated over 20 samples as the residual (Ljung and Box 1978)."""
     from scipy.special import chdtrc  # 0.1 s: only when a record is fitted
 
-    n = len(residual)
-    r = residual - np.mean(residual)
+    n = len(fit.residual)
+    r = fit.residual - np.mean(fit.residual)
     lags = np.arange(1, min(20, n // 5) + 1)
-    total = float(r @ r)
-    if total == 0.0:
-        return 1.0
-    correlation = np.array([r[lag:] @ r[:-lag] for lag in lags]) / total
-    return float(chdtrc(len(lags), n * (n + 2.0) * np.sum(correlation**2 / (n - lags))))
+    if fit.exact:
+        return True
+    correlation = np.array([r[lag:] @ r[:-lag] for lag in lags]) / float(r @ r)
+    return float(chdtrc(len(lags), n * (n + 2.0) * np.sum(correlation**2 / (n - lags)))) > FALSE_ALARM
 
 
-def noise_excess(fit: DecayFit) -> float:
-    """Return the residual's power within half the line's frequency of it, over its mean; 1 for white residuals."""
-    if whiteness(fit.residual) > _FALSE_ALARM:
+def noise_excess(fit: DecayFit, mode: int = 0) -> float:
+    """Return the residual's power within half a mode's frequency of it, over its mean; 1 for white residuals."""
+    if white(fit):
         return 1.0
     n = len(fit.residual)
     power = np.abs(np.fft.rfft(fit.residual)) ** 2
     f = np.fft.rfftfreq(n, fit.time[-1] / (n - 1))
-    near = np.abs(2.0 * np.pi * f / fit.values[0, 0] - 1.0) < 0.5
-    return float(np.mean(power[near]) / np.mean(power[1:]))
+    near = np.abs(2.0 * np.pi * f / fit.values[mode, 0] - 1.0) < 0.5
+    return max(float(np.mean(power[near]) / np.mean(power[1:])), 1.0)
 
 
 def check_misfit(record: DecayRecord, fit: DecayFit, excess: float) -> None:

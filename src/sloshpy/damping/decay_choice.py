@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sloshpy.damping.decay_checks import noise_excess, whiteness
+from sloshpy.damping.decay_checks import FALSE_ALARM, noise_excess, white
 from sloshpy.damping.decay_fit import DecayFit, fit_decay
 from sloshpy.damping.decay_model import CONSTANT, FLATTEST, LAWS, STEEPEST, DecayLaw
 from sloshpy.damping.decay_record import DecayRecord
@@ -15,8 +15,8 @@ from sloshpy.units import Array
 _WORTH = 2.0  # by which the criterion must fall for a law with one number more: Kass and Raftery's "positive"
 _STRONG = 10.0  # by which it must fall for another line or a frequency that moves: their "very strong"
 _APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
+_DRIFT = 1.5  # cycles within the record: what is slower is drift
 _BESIDE = 0.3  # of the main line's amplitude: a greater second line changes the damper's force on the first
-_FALSE_ALARM = 1e-4  # that noise makes the highest peak of a residual
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +58,12 @@ def choose_law(record: DecayRecord, line: Line) -> Choice:
     laws = LAWS if "k" not in best.laws[0].free else tuple(replace(law, free=(*law.free, "k")) for law in LAWS)
     pair = _close_lines(record, time, line, best)
     if pair is not None:
+        if abs(pair.values[0, 0] - pair.values[1, 0]) * time[-1] < np.pi:  # half a beat: not told apart
+            value = f"amplitude and phase of the line at {line.frequency / 2.0 / np.pi:.4g} Hz"
+            cure = "look for friction, a disturbance or excitation within the record, clipping, or two close lines"
+            raise record.refused(value, "follow no law of damping", cure)
         f1, f2 = sorted(pair.values[:, 0] / 2.0 / np.pi)
-        cure = "rotate x and y to the tank's axes, or excite one mode alone"
+        cure = "rotate x and y to the tank's axes, excite one mode alone, or look for a disturbance in the record"
         raise record.refused(f"two lines {f1:.4g} / {f2:.4g} Hz", "single-mode damping refused", cure)
     beside = _separate_line(record, time, best)
     if laws is not LAWS or beside is not None:
@@ -80,6 +84,8 @@ def _fit_laws(
             start[1] = line.ratio if law.name == "constant" else 0.5 * ratio
         if "q" in law.free:
             start[2] = ratio
+        if law.name == "sum" and "p" in law.free and not any(map(_possible, fits[-2:])):
+            continue  # neither fixed exponent leaves a place for both parts
         same = [fit for fit in fits if fit.laws[0].name == law.name]
         if "p" in law.free and same:
             start = min(same, key=lambda fit: fit.squares).values[0].copy()
@@ -92,7 +98,7 @@ def _fit_laws(
 
 def _in_order(fits: list[DecayFit]) -> Choice:
     """Put the laws in order; one with more numbers must be worth them."""
-    excess = max(noise_excess(min(fits, key=lambda fit: fit.squares)), 1.0)
+    excess = noise_excess(min(fits, key=lambda fit: fit.squares))
     allowed = [fit for fit in fits if _possible(fit)] or [fit for fit in fits if fit.laws[0].name == "constant"]
     scored = sorted(((fit.information(excess), k) for k, fit in enumerate(allowed)))
     top = scored[0][0]
@@ -120,14 +126,17 @@ def _possible(fit: DecayFit) -> bool:
     ))  # fmt: skip
 
 
+def _far_better(fit: DecayFit, other: DecayFit, excess: float) -> bool:
+    return fit.information(excess) < other.information(excess) - _STRONG
+
+
 def _moving(best: DecayFit, time: Array, record: DecayRecord) -> DecayFit | None:
     """Return the best law with a frequency that moves with the amplitude, where the record asks for one."""
-    if whiteness(best.residual) > _FALSE_ALARM:
+    if white(best):
         return None
     law = replace(best.laws[0], free=(*best.laws[0].free, "k"))
     fit = fit_decay([law], best.values, time, record.value)
-    better = fit is not None and fit.information() < best.information() - _STRONG
-    return fit if better else None
+    return fit if fit is not None and _far_better(fit, best, noise_excess(fit)) else None
 
 
 def _close_lines(record: DecayRecord, time: Array, line: Line, best: DecayFit) -> DecayFit | None:
@@ -143,12 +152,10 @@ def _close_lines(record: DecayRecord, time: Array, line: Line, best: DecayFit) -
         fit = fit_decay([CONSTANT, CONSTANT], start, time, record.value)
         if fit is not None and np.all(np.abs(fit.values[:, 0] / w - 1.0) < _APART):
             found.append(fit)
-        if whiteness(best.residual) > _FALSE_ALARM:
+        if white(best):
             break  # nothing is left to explain: one guess is enough
     closest = min(found, key=DecayFit.information, default=None)
-    if closest is None or closest.information() > best.information() - _STRONG:
-        return None
-    return closest
+    return closest if closest is not None and _far_better(closest, best, noise_excess(closest)) else None
 
 
 def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> Array | None:
@@ -157,21 +164,23 @@ def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> Array | 
     Raises:
         InputError: the line stands too near the first or is too strong.
     """
-    if whiteness(best.residual) > _FALSE_ALARM:
+    if white(best):
         return None
     f, power = spectrum(time, best.residual)
     allowed = f * time[-1] > 2.0
     share = np.where(allowed, power, 0.0) / np.mean(power[allowed])
     k = int(np.argmax(share))
-    if share[k] < np.log(len(f) / 4.0 / _FALSE_ALARM):  # Fisher: an exponential variable among n/2 of them
+    if share[k] < np.log(len(f) / 4.0 / FALSE_ALARM):  # Fisher: an exponential variable among n/2 of them
         return None
     w1, w2 = best.values[0, 0], 2.0 * np.pi * float(f[k])
     if abs(w2 / w1 - 1.0) < _APART:
         return None  # a misfit of the law, or two lines that the fit of two has not told apart
     second = np.array([w2, max(float(best.values[0, 1]), 0.002), 0.0, 1.0, 0.0])
     fit = fit_decay([best.laws[0], CONSTANT], np.stack([best.values[0], second]), time, record.value)
-    if fit is None or fit.information() > best.information() - _STRONG:
+    if fit is None or not _far_better(fit, best, noise_excess(fit, mode=1)):
         return None
+    if fit.values[1, 0] * time[-1] < _DRIFT * 2.0 * np.pi:
+        raise record.refused("drift", "is no straight line or parabola", "take the slow part out of the record")
     sizes = [float(np.sqrt(np.mean(fit.amplitude(m) ** 2))) for m in (0, 1)]
     if sizes[1] > _BESIDE * sizes[0]:
         value = f"two lines {w1 / 2.0 / np.pi:.4g} / {fit.values[1, 0] / 2.0 / np.pi:.4g} Hz"

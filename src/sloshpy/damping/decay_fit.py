@@ -1,6 +1,6 @@
 """Maximum likelihood of a decay under white Gaussian noise: least squares by variable projection.
 
-x(t) = sum over modes of Re(c a(t) exp(i theta(t))) + offset + drift t. The linear coefficients are projected out
+x(t) = sum over modes of Re(c a(t) exp(i theta(t))) + offset + slow drift, a parabola. The linear coefficients are projected out
 (Golub and Pereyra 1973, the Jacobian by Kaufman 1975); SciPy's Levenberg-Marquardt finds the rest.
 """
 
@@ -13,13 +13,15 @@ import numpy as np
 from sloshpy.damping.decay_model import DecayLaw, log_envelope_and_phase, wave, wave_slopes
 from sloshpy.units import Array, ComplexArray
 
+_EXACT = 1e-7  # of the amplitude: noise below it is that of the arithmetic, and tells no law from another
+
 
 @dataclass(frozen=True, kw_only=True)
 class DecayFit:
     """A fitted record.
 
-    laws: of each mode, the main one first. values: (modes, 5), w, xi0, q, p, k of each. coefficient: (2 modes + 2,), of
-    cos and sin of each mode, of the offset and the drift. residual: (n,), in the record's unit.
+    laws: of each mode, the main one first. values: (modes, 5), w, xi0, q, p, k of each. coefficient: (2 modes + 3,), of
+    cos and sin of each mode, of offset and drift. residual: (n,), in the record's unit.
     """
 
     laws: tuple[DecayLaw, ...]
@@ -31,7 +33,7 @@ class DecayFit:
     @property
     def start_amplitude(self) -> Array:
         """Amplitude of each mode at the first sample, (modes,)."""
-        return np.hypot(self.coefficient[:-2:2], self.coefficient[1:-2:2])
+        return np.hypot(self.coefficient[:-3:2], self.coefficient[1:-3:2])
 
     @property
     def count(self) -> int:
@@ -48,6 +50,11 @@ class DecayFit:
         """Standard deviation of the noise, free of the bias of the fit."""
         return float(np.sqrt(self.squares / max(len(self.residual) - self.count, 1)))
 
+    @property
+    def exact(self) -> bool:
+        """Whether nothing is left but the rounding of the arithmetic."""
+        return self.noise < _EXACT * float(self.start_amplitude[0])
+
     def amplitude(self, mode: int = 0) -> Array:
         """Return the amplitude of a mode over the record, (n,)."""
         log_a, _ = log_envelope_and_phase(self.values[mode], self.time)
@@ -56,7 +63,7 @@ class DecayFit:
     def information(self, excess: float = 1.0) -> float:
         """Return Schwarz's criterion; `excess` is the noise's power at the line over its mean, 1 for white noise."""
         n = len(self.residual) / excess
-        least = 1e-30 * len(self.residual) * float(np.sum(self.coefficient**2))  # of a record without any noise
+        least = len(self.residual) * (_EXACT * float(self.start_amplitude[0])) ** 2
         return float(n * np.log((self.squares + least) / len(self.residual)) + (self.count + 1) * np.log(n))
 
     @cached_property
@@ -111,7 +118,7 @@ def fit_decay(laws: Sequence[DecayLaw], start: Array, time: Array, value: Array)
         return np.asarray(q @ (q.T @ change) - change)
 
     try:
-        found = least_squares(lambda x: projected(x)[4], np.zeros(len(origin)), jacobian, method="lm", max_nfev=200)
+        found = least_squares(lambda x: projected(x)[4], np.zeros(len(origin)), jacobian, method="lm", max_nfev=60)
     except (ValueError, np.linalg.LinAlgError):  # a guess without a finite residual
         return None
     values, _, _, coefficient, residual = projected(found.x)
@@ -121,9 +128,9 @@ def fit_decay(laws: Sequence[DecayLaw], start: Array, time: Array, value: Array)
 
 
 def _columns(modes: Sequence[ComplexArray], time: Array) -> Array:
-    drift = time / time[-1] - 0.5
+    x = 2.0 * time / time[-1] - 1.0
     waves = [part for mode in modes for part in (mode.real, mode.imag)]
-    return np.stack([*waves, np.ones_like(time), drift], axis=1)
+    return np.stack([*waves, np.ones_like(time), x, 1.5 * x**2 - 0.5], axis=1)
 
 
 def _changes(
