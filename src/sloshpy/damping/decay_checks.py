@@ -6,8 +6,7 @@ import numpy as np
 
 from sloshpy.damping.decay_fit import DecayFit
 from sloshpy.damping.decay_model import wave
-from sloshpy.damping.decay_record import DecayRecord
-from sloshpy.units import Array
+from sloshpy.damping.decay_record import MOST_SAMPLES, DecayRecord
 
 LEAST_CYCLES = 5.0
 LEAST_SAMPLES_PER_CYCLE = 10.0
@@ -31,6 +30,9 @@ def sampling_of(record: DecayRecord, hint: float | None) -> Sampling:
     """Return how a record is sampled; refuse one that is too short or too coarse for the hinted frequency, rad/s."""
     if len(record.time) < 30:
         raise record.refused(f"{len(record.time)} samples", "are too few to fit a decay", "give at least five cycles")
+    if len(record.time) > MOST_SAMPLES:
+        rule = f"are more than the {MOST_SAMPLES} that are fitted at once"
+        raise record.refused(f"{len(record.time)} samples", rule, "name a part by its start and end, or thin it out")
     steps = np.diff(record.time)
     step = float(np.median(steps))
     usual = steps[steps < 2.5 * step]
@@ -78,7 +80,9 @@ def check_constant(record: DecayRecord) -> None:
     """Refuse a record without any motion."""
     reach = float(np.ptp(record.value))
     if reach <= 1e-12 * float(np.max(np.abs(record.value))):
-        raise record.refused(f"{record.value[0]:.6g} {record.unit} throughout", "has no decay to fit", "name a column that moves")
+        raise record.refused(
+            f"{record.value[0]:.6g} {record.unit} throughout", "has no decay to fit", "name a column that moves"
+        )
 
 
 def check_clipping(record: DecayRecord, w: float, step: float) -> None:

@@ -184,6 +184,8 @@ def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> Array | 
     sizes = [float(np.sqrt(np.mean(fit.amplitude(m) ** 2))) for m in (0, 1)]
     if sizes[1] > _BESIDE * sizes[0]:
         value = f"two lines {w1 / 2.0 / np.pi:.4g} / {fit.values[1, 0] / 2.0 / np.pi:.4g} Hz"
-        rule = f"the second has {100.0 * sizes[1] / sizes[0]:.3g} % of the first's amplitude: single-mode damping refused"
+        rule = (
+            f"the second has {100.0 * sizes[1] / sizes[0]:.3g} % of the first's amplitude: single-mode damping refused"
+        )
         raise record.refused(value, rule, "excite one mode alone, or filter the other out of the record")
     return np.asarray(fit.values[1])

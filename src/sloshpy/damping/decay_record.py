@@ -32,7 +32,9 @@ class DecayRecord:
     def __post_init__(self) -> None:
         if self.time.ndim != 1 or self.time.shape != self.value.shape:
             shapes = f"{self.time.shape} and {self.value.shape}"
-            raise self.refused(f"time and value have the shapes {shapes}", "must be two equal columns", "give one column")
+            raise self.refused(
+                f"time and value have the shapes {shapes}", "must be two equal columns", "give one column"
+            )
         if self.unit not in set(UNIT_OF.values()):
             raise self.refused(f"[{self.unit}]", "must be in m or N", "convert it")
         for name, numbers in (("time", self.time), (self.column, self.value)):

@@ -182,7 +182,9 @@ class FreeDecay:
                 f"{rate:.4g} Hz, looks the same"
             )
         if self.per_displacement is None:
-            found.append(f"amplitudes are of the {self.measured}: its scale to the slosh-mass displacement is not given")
+            found.append(
+                f"amplitudes are of the {self.measured}: its scale to the slosh-mass displacement is not given"
+            )
         if self.second_line is not None:
             w2, _ = self.second_line
             found.append(f"a second line at {w2 / 2.0 / np.pi:.4g} Hz is fitted beside the first")
@@ -190,7 +192,9 @@ class FreeDecay:
             change = 100.0 * self.estimate("frequency_change").value
             found.append(f"the frequency moves with the amplitude: {change:+.3g} % at the start")
         if choice.excess > 1.0:
-            found.append(f"the residual is not white: {choice.excess:.3g} times its mean power at the line; bands by blocks")
+            found.append(
+                f"the residual is not white: {choice.excess:.3g} times its mean power at the line; bands by blocks"
+            )
         others = [fit.laws[0].words for fit, w in zip(choice.fits[1:], choice.weights[1:], strict=True) if w > 0.1]
         if others:
             found.append(f"the record does not tell the law from {'; '.join(others)}: the bands hold all of them")
@@ -243,7 +247,8 @@ class FreeDecay:
             "weight": float(self.choice.weights[0]),
             "level": self.level,
             "estimates": {
-                one.name: {"value": one.value, "low": one.low, "high": one.high, "unit": one.unit} for one in self.estimates
+                one.name: {"value": one.value, "low": one.low, "high": one.high, "unit": one.unit}
+                for one in self.estimates
             },
             "tested": list(self.tested),
             "amplitude": self.amplitude.tolist(),
@@ -272,7 +277,9 @@ class FreeDecay:
             "level": self.level,
             "seed": self.seed,
         }
-        attrs |= {f"{one.name}_{part}": getattr(one, part) for one in self.estimates for part in ("value", "low", "high")}
+        attrs |= {
+            f"{one.name}_{part}": getattr(one, part) for one in self.estimates for part in ("value", "low", "high")
+        }
         if self.per_displacement is not None:
             attrs["per_displacement"] = self.per_displacement
         amplitude_unit = unit if self.per_displacement is None else "m"

@@ -91,7 +91,10 @@ def _scale(record: DecayRecord, measured: Measured, per_displacement: float | No
     """Return the record's unit per m of slosh-mass displacement, None where it is not known."""
     if measured not in UNIT_OF:
         problem = Problem(
-            key="measured", value=str(measured), rule="must be displacement, wave or force", cure="say what the column is"
+            key="measured",
+            value=str(measured),
+            rule="must be displacement, wave or force",
+            cure="say what the column is",
         )
         raise InputError(problem)
     if record.unit != UNIT_OF[measured]:
@@ -102,7 +105,9 @@ def _scale(record: DecayRecord, measured: Measured, per_displacement: float | No
             raise record.refused(f"factor {per_displacement}", "a displacement needs no factor", "leave it out")
         return 1.0
     if per_displacement is not None and not 0.0 < per_displacement < np.inf:
-        raise record.refused(f"factor {per_displacement}", "must be > 0 and finite", f"give the {measured} per displacement")
+        raise record.refused(
+            f"factor {per_displacement}", "must be > 0 and finite", f"give the {measured} per displacement"
+        )
     return per_displacement
 
 
@@ -144,7 +149,7 @@ def _estimates(fit: DecayFit, found: Draws, scale: float) -> tuple[Estimate, ...
         rows.append(estimate("constant_ratio", xi0, values[:, 1], "1"))
     if "q" in law.free:
         exponent = np.clip(values[:, 3], 0.05, 4.0)
-        slopes = values[:, 2] / start ** exponent
+        slopes = values[:, 2] / start**exponent
         rows.append(estimate("slope", q / A0**p, slopes, "1/m" if p == 1.0 else f"1/m^{p:.6g}"))
         if "p" in law.free:
             rows.append(estimate("exponent", p, exponent, "1"))
