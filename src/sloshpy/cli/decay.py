@@ -133,8 +133,8 @@ def _print_law(found: FreeDecay, lines: dict[str, Any]) -> None:
         low, high = lines["tested_over_radius"]
         p = found.choice.best.values[0, 3]
         print(
-            f"  geometrically similar tanks: xi = {lines['coefficient']:.4g} (A/R)^{p:.4g} for A/R from {low:.4g} to {high:.4g}; "
-            "holds for what a baffle damps, not for what a smooth wall damps"
+            f"  geometrically similar tanks: xi = {lines['coefficient']:.4g} (A/R)^{p:.4g} for A/R from {low:.4g} to "
+            f"{high:.4g}; holds for what a baffle damps, not for what a smooth wall damps"
         )
     print(lines["damping"])
     if "formula" in lines and lines["formula"] != lines["damping"]:

@@ -14,8 +14,10 @@ _AT_ONCE = 4_000_000  # numbers of resampled residuals held in memory
 
 @dataclass(frozen=True, kw_only=True)
 class Draws:
-    """Resampled answers: w, xi0, q, p, k in `values`, (draws, 5), and the start amplitude, (draws,); the first `of_best`
-    are of the law chosen."""
+    """Resampled answers, of which the first `of_best` are of the law chosen.
+
+    values: w, xi0, q, p, k, (draws, 5). start_amplitude: in the record's unit, (draws,).
+    """
 
     of_best: int
     values: Array

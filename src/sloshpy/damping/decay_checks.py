@@ -1,6 +1,7 @@
 """What a record must have before its damping may be believed; each check refuses with its figures."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -99,7 +100,7 @@ def check_clipping(record: DecayRecord, w: float, step: float) -> None:
         runs = list(zip(edges[::2], edges[1::2], strict=True))
         longest = max(high - low for low, high in runs)
         long = [run for run in runs if run[1] - run[0] >= 2]
-        crests = 1 + sum(b[0] - a[1] > 0.5 * per_cycle for a, b in zip(long[:-1], long[1:], strict=True))
+        crests = 1 + sum(b[0] - a[1] > 0.5 * per_cycle for a, b in pairwise(long))
         if longest >= max(3.0, _FLAT * per_cycle) or (len(long) > 1 and crests > 1):
             value = f"{longest} samples held at {extreme:.6g} {record.unit}"
             k = int(next(low for low, high in runs if high - low == longest))

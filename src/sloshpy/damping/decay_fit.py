@@ -1,7 +1,7 @@
 """Maximum likelihood of a decay under white Gaussian noise: least squares by variable projection.
 
-x(t) = sum over modes of Re(c a(t) exp(i theta(t))) + offset + slow drift, a parabola. The linear coefficients are projected out
-(Golub and Pereyra 1973, the Jacobian by Kaufman 1975); SciPy's Levenberg-Marquardt finds the rest.
+x(t) = sum over modes of Re(c a(t) exp(i theta(t))) + offset + slow drift, a parabola. The linear coefficients are
+projected out (Golub and Pereyra 1973, the Jacobian by Kaufman 1975); SciPy's Levenberg-Marquardt finds the rest.
 """
 
 from collections.abc import Sequence

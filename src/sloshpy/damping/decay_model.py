@@ -5,16 +5,20 @@ sample, this is a Bernoulli equation, solved by a(t) = A/A0 =
 
     exp(-xi0 w t) (1 + q p w t phi(p w xi0 t))^(-1/p),   phi(k) = (1 - exp(-k))/k                     (a)
 
-q = 0 is the exponential, xi0 = 0 and p = 1 the hyperbola 1/(1 + q w t) of the odd square law. The phase follows
-theta' = w sqrt(1 - xi^2), exact where damping is linear; to xi^4 its integral is again closed, since xi w dt = -dA/A:
+q = 0 is the exponential, xi0 = 0 and p = 1 the hyperbola 1/(1 + q w t) of the odd square law. The phase is carried to
+second order, so that w is the undamped natural frequency that a case file wants. With y = q a^p,
 
-    theta(t) = w t - (1/2) (xi0 ln(1/a) + q (1 - a^p)/p)                                             (b)
+    theta' = w (1 - xi^2/2 - (K - 1/2) y^2),  and the wave lags by y/2 more than at rest               (b)
 
-w is thus the undamped natural frequency at small amplitude. A wave that softens or stiffens with its height adds
-w k int a^2 dt to the phase, k being the relative change at the first sample. Neither (a) nor (b) depends on the
-amplitude's size, so that amplitude and phase at the start, offset and drift enter linearly and can be projected out.
+    K = (p/(p+2) (M (2p+3)/(2p+4) - m^2) + M/(2p+4))/m^2,  m = <|sin|^(p+2)>,  M = <|sin|^(2p+2)>
+
+K(0) = 1/2 is the linear damper's sqrt(1 - xi^2), K(1) = 0.592. The integral is again closed, since xi w dt = -dA/A. A
+wave that softens or stiffens with its height adds w k int a^2 dt, k being the relative change at the first sample.
+Neither (a) nor (b) depends on the amplitude's size, so that amplitude and phase at the start, offset and drift enter
+linearly and can be projected out.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +69,16 @@ LAWS = (
 )
 
 
+def second_order(p: float) -> float:
+    """Return K of (b) at an exponent."""
+
+    def mean(s: float) -> float:  # of |sin|^s
+        return math.gamma(0.5 * (s + 1.0)) / (math.sqrt(math.pi) * math.gamma(0.5 * s + 1.0))
+
+    m, M = mean(p + 2.0), mean(2.0 * p + 2.0)
+    return (p / (p + 2.0) * (M * (2.0 * p + 3.0) / (2.0 * p + 4.0) - m**2) + M / (2.0 * p + 4.0)) / m**2
+
+
 def log_envelope_and_phase(values: Array, time: Array) -> tuple[Array, Array]:
     """Return ln a(t) and theta(t), (a) and (b).
 
@@ -81,7 +95,10 @@ def log_envelope_and_phase(values: Array, time: Array) -> tuple[Array, Array]:
         growth = np.maximum(q * p * w * time * phi, -0.999999)  # a fit that strays into a blow-up is led back
         log_a = -xi0 * w * time - np.log1p(growth) / p
         log_a = np.minimum(np.maximum(log_a, -700.0), 50.0)  # a fit that strays, again
-        theta = w * time + 0.5 * (xi0 * log_a + q * np.expm1(p * log_a) / p)
+        fall = q * np.expm1(p * log_a)  # of y since the first sample
+        least = np.maximum([xi0 + q], 1e-12), np.maximum(xi0 + q + fall, 1e-12)
+        more = (second_order(p) - 0.5) / p * (fall + xi0 * np.log(least[0] / least[1]))
+        theta = w * time + 0.5 * (xi0 * log_a + fall / p - fall) + more
     if softening != 0.0:
         theta += w * softening * _energy(log_a, time)
     return log_a, theta
@@ -94,15 +111,17 @@ def wave(values: Array, time: Array) -> ComplexArray:
 
 
 def wave_slopes(law: DecayLaw, values: Array, time: Array) -> list[ComplexArray]:
-    """Return the derivative of ln a + i theta by each free parameter of the law: exact for w and k, else by differences."""
+    """Return the derivatives of ln a + i theta by the free parameters: exact for w and k, else by differences."""
     log_a, theta = log_envelope_and_phase(values, time)
     w, xi0, q, p, k = values
     slopes: list[ComplexArray] = []
     for name, at in zip(law.free, law.at, strict=True):
         if name == "w":  # both are functions of w t
-            a = np.exp(log_a)
-            xi = xi0 + q * a ** min(max(p, FLATTEST), STEEPEST)
-            slopes.append(np.asarray(time * (-xi + 1j * (1.0 - 0.5 * xi**2 + k * a**2))))
+            exponent = min(max(p, FLATTEST), STEEPEST)
+            y = q * np.exp(exponent * log_a)
+            xi = xi0 + y
+            rate = 1.0 - 0.5 * xi**2 - (second_order(exponent) - 0.5) * y**2 + 0.5 * exponent * xi * y
+            slopes.append(np.asarray(time * (-xi + 1j * (rate + k * np.exp(2.0 * log_a)))))
         elif name == "k":
             slopes.append(np.asarray(1j * w * _energy(log_a, time)))
         else:

@@ -154,8 +154,8 @@ class FreeDecay:
         law = self.formula
         if not isinstance(law, PowerDamping):
             raise OutsideValidity(
-                "only damping that is all of a power law scales with A/R; a constant part is the wall's, which scales with "
-                "viscosity, radius and acceleration. Cure: add it in the case file from `sloshpy tank` of the full tank"
+                "only damping that is all of a power law scales with A/R; a constant part is the wall's, which scales "
+                "with viscosity, radius and acceleration. Cure: take it from `sloshpy tank` of the full tank"
             )
         return float(law.slope * radius**law.exponent)
 
@@ -210,8 +210,8 @@ class FreeDecay:
         of = f"of {self.measured}" if self.per_displacement is None else "of slosh-mass displacement"
         frequency, share = self.estimates[0], 100.0 * self.choice.weights[0]
         lines = [
-            f"{self.record.column}: damping {100.0 * np.min(self.ratio):.4g}-{100.0 * np.max(self.ratio):.4g} %, tested from "
-            f"{low:.4g} to {high:.4g} {unit} {of}; {self.f_hz:.5g} Hz ({self.frequency:.5g} rad/s)",
+            f"{self.record.column}: damping {100.0 * np.min(self.ratio):.4g}-{100.0 * np.max(self.ratio):.4g} % "
+            f"tested from {low:.4g} to {high:.4g} {unit} {of}; {self.f_hz:.5g} Hz ({self.frequency:.5g} rad/s)",
             *(f"  - {note}" for note in self.notes),
             f"  law: {self.choice.best.laws[0].words} (weight {share:.3g} %)",
             f"    {'frequency':16s} {self.f_hz:.6g} Hz, {100 * self.level:g} % band {frequency.low / 2 / np.pi:.6g} to "
@@ -273,7 +273,6 @@ class FreeDecay:
         attrs: dict[str, Any] = {
             "law": self.choice.best.laws[0].words,
             "measured": self.measured,
-            "frequency_rad_per_s": self.frequency,
             "level": self.level,
             "seed": self.seed,
         }

@@ -1,6 +1,7 @@
 """First guess of a decay: the strongest line of the record, then amplitude and phase cycle by cycle."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -84,19 +85,19 @@ def _demodulate(time: Array, value: Array, w: float, period: float) -> tuple[Arr
     count = max(int(time[-1] / period), 1)
     middle = (np.arange(count) + 0.5) * period
     edges = np.searchsorted(time, np.arange(count + 1) * period)
-    z = np.full(count, np.nan + 0j)
-    for j, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    z: ComplexArray = np.full(count, np.nan + 0j)
+    for j, (low, high) in enumerate(pairwise(edges)):
         t = time[low:high]
         if len(t) < 6:
             continue
         columns = np.stack([np.cos(w * t), np.sin(w * t), np.ones_like(t), t - middle[j]], axis=1)
         cosine, sine = np.linalg.lstsq(columns, value[low:high], rcond=None)[0][:2]
         z[j] = cosine - 1j * sine
-    return middle, z
+    return np.asarray(middle, dtype=float), z
 
 
 def two_lines_of(line: Line) -> list[tuple[float, float]] | None:
-    """Return frequency and ratio of the two lines that make the windows' amplitudes, by the shift of their Hankel matrix.
+    """Return frequency and ratio of the two lines that make the amplitudes, by the shift of their Hankel matrix.
 
     The rank-2 form of Kung's method; None where the envelope has gaps or is too short.
     """

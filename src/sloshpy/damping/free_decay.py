@@ -1,4 +1,4 @@
-"""Free-decay identification: a record of one dying oscillation to frequency and xi(A), with bands or a reason why not."""
+"""A record of one dying oscillation to frequency and xi(A) with bands, or the reason why not."""
 
 from dataclasses import replace
 
@@ -41,8 +41,8 @@ def free_decay(
         record: one decay, sampled at known times.
         measured: what its column is: slosh-mass "displacement", "wave" height at the wall or lateral "force"; peak
             amplitudes, never peak to peak.
-        per_displacement: record per slosh-mass displacement: m/m for a wave, N/m for a force (m_s w^2). Without it only a
-            constant ratio becomes a law.
+        per_displacement: record per slosh-mass displacement: m/m for a wave, N/m for a force (m_s w^2). Without it only
+            a constant ratio becomes a law.
         frequency_hint: expected slosh frequency, rad/s; without it aliasing cannot be excluded.
         start, end: part of the record, s of its own time.
         draws: of the bootstrap.
@@ -134,7 +134,7 @@ def _check_band(record: DecayRecord, ratio: Array, low: Array, high: Array) -> N
 
 
 def _estimates(fit: DecayFit, found: Draws, scale: float) -> tuple[Estimate, ...]:
-    """Return frequency, constant part, slope and exponent with their bands; those of the law's numbers hold for this law."""
+    """Return frequency and the law's numbers with their bands; those of the numbers hold for this law."""
     law = fit.laws[0]
     w, xi0, q, p, k = fit.values[0]
     A0 = fit.start_amplitude[0] / scale

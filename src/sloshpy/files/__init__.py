@@ -1,7 +1,7 @@
 """Files: cases in and out, damping tables, time histories, the shipped examples and the schema of the case file."""
 
 from sloshpy.files.case_file import read_case
-from sloshpy.files.examples import example_names, example_tank_names, write_example
+from sloshpy.files.examples import example_names, example_record_names, example_tank_names, write_example
 from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.fill_history import read_fill_table, write_fill_history
 from sloshpy.files.schema import case_schema
@@ -14,6 +14,7 @@ __all__ = [
     "case_schema",
     "damping_line",
     "example_names",
+    "example_record_names",
     "example_tank_names",
     "from_control",
     "read_case",

@@ -29,7 +29,7 @@ Named = tuple[str, str]
 def read_csv(path: str | os.PathLike[str], names: Named) -> tuple[HistoryColumn, HistoryColumn]:
     """Read two columns of a CSV in UTF-8 with commas, decimal points and # for comments; other columns are not read."""
     _, text = read_text(path, HISTORY, LARGEST)
-    rows: list[tuple[int, Sequence[Any]]] = []
+    rows: list[tuple[int, list[Any]]] = []
     for number, line in enumerate(text.split("\n"), 1):
         if '"' in line or "#" in line:
             if bare(line):
@@ -77,7 +77,7 @@ def _filled(cells: Sequence[Any]) -> list[Any]:
 
 
 def _columns(
-    path: str | os.PathLike[str], rows: list[tuple[int, Sequence[Any]]], names: Named
+    path: str | os.PathLike[str], rows: list[tuple[int, list[Any]]], names: Named
 ) -> tuple[HistoryColumn, HistoryColumn]:
     if not rows:
         raise refused(path, HISTORY, "", "has no header", _CURE)

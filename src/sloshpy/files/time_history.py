@@ -1,4 +1,4 @@
-"""Time histories of tests: one column and its time from CSV, XLSX, MAT or NetCDF, with the units that the file declares."""
+"""Time histories of tests: a column and its time from CSV, XLSX, MAT or NetCDF, in the units that the file declares."""
 
 import os
 from pathlib import Path
@@ -19,8 +19,8 @@ _READERS = {".csv": read_csv, ".xlsx": read_xlsx, ".mat": read_mat, ".nc": read_
 def read_time_history(path: str | os.PathLike[str], column: str, *, time_column: str = "time") -> DecayRecord:
     """Read one column of a time history and its time, in SI.
 
-    Units are declared, never guessed: in the header of CSV and XLSX, "wave [mm]"; in the attribute `units` of NetCDF and
-    MAT v7.3; or, in MAT, in a text variable `wave_unit`.
+    Units are declared, never guessed: in the header of CSV and XLSX, "wave [mm]"; in the attribute `units` of
+    NetCDF and MAT v7.3; or, in MAT, in a text variable `wave_unit`.
 
     Args:
         path: .csv, .xlsx, .mat (version 5 or 7.3) or .nc.

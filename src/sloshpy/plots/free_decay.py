@@ -39,7 +39,8 @@ def _record(ax: Axes, found: FreeDecay) -> None:
         ax.plot(time, edge[every], color=ALARM, linewidth=2.0, linestyle=(0, (5.0, 2.0)), label=label)
     ax.set_xlim(float(time[0]), float(time[-1]))
     ax.legend(loc="upper right", ncols=2, fontsize=SMALL, framealpha=0.9)
-    low, high = np.min(record.value), np.max(record.value)
+    low = min(np.min(record.value), np.min(found.center - found.envelope))
+    high = max(np.max(record.value), np.max(found.center + found.envelope))
     ax.set_ylim(low - 0.05 * (high - low), high + 0.25 * (high - low))  # the legend stands above the record
     finish(ax, _message(found), "Time [s]", f"{record.column} [{record.unit}]")
 
@@ -60,7 +61,8 @@ def _damping(ax: Axes, found: FreeDecay) -> None:
         ax.axvspan(begin, end, color=SHADE, alpha=0.8, linewidth=0.0)
         if end - begin > 0.05 * right:
             ax.annotate("not tested", (0.5 * (begin + end), 0.5), xycoords=("data", "axes fraction"), **words)
-    ax.legend(loc="lower right" if found.ratio[0] < 0.5 * found.ratio[-1] else "lower center", fontsize=SMALL)
+    # in the lower right corner of the tested range: damping grows with the amplitude, and the axis begins at zero
+    ax.legend(loc="lower right", bbox_to_anchor=(high / right, 0.0), fontsize=SMALL)
     known = found.per_displacement is not None
     what = "Slosh-mass displacement [m]" if known else f"Amplitude of the {found.measured} [{found.record.unit}]"
     finish(ax, "", what, "Damping [%]")
