@@ -8,7 +8,7 @@ from sloshpy.damping.decay_choice import Choice
 from sloshpy.damping.decay_fit import DecayFit
 from sloshpy.units import Array
 
-_LEAST_WEIGHT = 0.05  # a law of less belief is left out of the band
+_LEAST_WEIGHT = 0.07  # a law of less belief is left out of the band
 _AT_ONCE = 4_000_000  # numbers of resampled residuals held in memory
 
 

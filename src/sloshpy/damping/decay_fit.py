@@ -60,6 +60,11 @@ class DecayFit:
         log_a, _ = log_envelope_and_phase(self.values[mode], self.time)
         return np.asarray(self.start_amplitude[mode] * np.exp(log_a))
 
+    def part(self, mode: int) -> Array:
+        """Return what a mode adds to the record, (n,)."""
+        cosine, sine = self.coefficient[2 * mode : 2 * mode + 2]
+        return np.asarray(np.real(wave(self.values[mode], self.time) * (cosine - 1j * sine)))
+
     def information(self, excess: float = 1.0) -> float:
         """Return Schwarz's criterion; `excess` is the noise's power at the line over its mean, 1 for white noise."""
         n = len(self.residual) / excess

@@ -7,7 +7,7 @@ import numpy as np
 
 from sloshpy.damping.decay_checks import Sampling
 from sloshpy.damping.decay_choice import Choice
-from sloshpy.damping.decay_model import ratio_at, wave
+from sloshpy.damping.decay_model import ratio_at
 from sloshpy.damping.decay_record import DecayRecord, Measured
 from sloshpy.damping.laws import ConstantDamping, DampingLaw, PowerDamping, SumDamping, TableDamping
 from sloshpy.errors import OutsideValidity
@@ -90,9 +90,7 @@ class FreeDecay:
     @property
     def center(self) -> Array:
         """Offset and drift about which the wave decays, with any second line, (n,)."""
-        best = self.choice.best
-        main = wave(best.values[0], best.time) * (best.coefficient[0] - 1j * best.coefficient[1])
-        return np.asarray(self.fitted - main.real)
+        return self.fitted - self.choice.best.part(0)
 
     @property
     def envelope(self) -> Array:

@@ -117,7 +117,7 @@ def _check_fits(record: DecayRecord, choice: Choice) -> None:
     constant = next((fit for fit in choice.fits if fit.laws[0].name == CONSTANT.name), best)
     checks.check_decay(record, constant, choice.excess)
     if choice.falling:
-        cure = "look for contact-line friction; a table by hand can hold such damping, no formula here can"
+        cure = "look for a limited or clipped sensor, or contact-line friction, which only a table by hand can hold"
         raise record.refused("damping that falls with the amplitude", "fits better than any law of damping", cure)
     checks.check_misfit(record, best, choice.excess)
     most = float(ratio_at(best.values[0], np.ones(1))[0])
