@@ -142,7 +142,12 @@ def _number(cell: Any) -> float:
             value = float(text)
             if np.isfinite(value):
                 return value
-        return read_cell(text, TableColumn(name="", unit="", si="1"))
+        try:
+            return read_cell(text, TableColumn(name="", unit="", si="1"))
+        except UnitError as error:
+            if "must be a plain number" in error.rule:
+                raise UnitError("has a unit in the cell", "write the unit into the header only") from None
+            raise
     if isinstance(cell, bool) or not isinstance(cell, int | float):
         raise UnitError(f"is a {type(cell).__name__}, must be a number", "format the cell as a number")
     if not np.isfinite(cell):
