@@ -76,6 +76,6 @@ def _message(found: FreeDecay) -> str:
     low, high = float(np.min(found.ratio)), float(np.max(found.ratio))
     one = high - low < 1e-3 * high
     ratio = percent(high) if one else f"{percent(low).removesuffix(' %')} to {percent(high)}"
-    unit = "m" if found.per_displacement is not None else found.record.unit
+    unit = "m of slosh" if found.per_displacement is not None else found.record.unit
     tested = f"{found.tested[0]:.3g} to {found.tested[1]:.3g} {unit}"
     return f"{found.record.column}: {ratio} damping from {tested}, at {found.f_hz:.4g} Hz"
