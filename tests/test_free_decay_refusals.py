@@ -129,9 +129,10 @@ def test_a_fast_record_without_a_hint_says_what_it_cannot_exclude() -> None:
         (line() + noise(0.2), "column"),
         (np.clip(line(), -0.07, 0.07), "is clipped above"),
         (np.maximum(line() + noise(5e-4), -0.07), "is clipped below"),
-        (np.clip(line(), -0.07, 0.07) + noise(5e-4), "law of damping"),
+        (np.clip(line(), -0.07, 0.07) + noise(5e-4), "third harmonic"),
         (np.round(line() / 0.1 * 5.0) * 0.02, "steps too coarse"),
-        (0.08 * np.tanh(line() / 0.08) + noise(5e-4), "falls with the amplitude"),
+        (0.08 * np.tanh(line() / 0.08) + noise(5e-4), "third harmonic"),
+        (0.1 * np.real(wave(np.array([2.0, 0.02, -0.012, 1.0, 0.0]), TIME)) + noise(5e-4), "falls with the amplitude"),
         (np.where(TIME < 30.0, line(), 1.5 * line()) + noise(5e-4), "no law of damping fits"),
         (np.where(TIME < 10.0, 0.1 * np.cos(2.0 * TIME), line(size=0.122)) + noise(5e-4), "no law of damping"),
         (line() + 0.05 * np.cos(0.12 * TIME) + noise(5e-4), "drift"),
@@ -139,12 +140,29 @@ def test_a_fast_record_without_a_hint_says_what_it_cannot_exclude() -> None:
     ],
     ids=[
         "few cycles", "few samples", "constant", "noise alone", "no decay", "growth", "lost in noise", "clipped",
-        "clipped on one side", "clipped before the noise", "coarse", "soft limit", "jump", "still driven",
+        "clipped on one side", "clipped before the noise", "coarse", "soft limit", "friction", "jump", "still driven",
         "crooked drift", "overdamped",
     ],
 )  # fmt: skip
 def test_a_record_that_shows_no_damping_is_refused(value, said: str) -> None:
     assert said in refusal(value, TIME[: len(value)])
+
+
+@pytest.mark.parametrize("kick", [0.05, 0.1])
+def test_a_kick_within_the_record_is_refused(kick: float) -> None:
+    late = np.maximum(TIME - 30.0, 0.0)
+    refusal(line() + 0.1 * kick * np.sin(2.0 * late) * np.exp(-0.02 * late) * (TIME > 30.0) + noise(2e-4))
+
+
+def test_crests_flattened_before_much_noise_are_told_by_their_third_harmonic() -> None:
+    time = np.arange(0.0, 110.0, 0.11)
+    flat = np.clip(line(time, xi=0.002), -0.05, 0.05) + noise(0.0037, len(time))
+    assert "third harmonic" in refusal(flat, time)
+
+
+def test_a_line_sampled_too_slowly_is_refused_though_the_hint_is_not() -> None:
+    time = np.arange(0.0, 60.0, 0.25)
+    assert "samples per cycle of the 0.4138 Hz found" in refusal(line(time, w=2.6), time, 2.05)
 
 
 def test_fine_quantisation_is_no_clipping() -> None:

@@ -15,6 +15,7 @@ from sloshpy.units import Array
 _WORTH = 2.0  # by which the criterion must fall for a law with one number more: Kass and Raftery's "positive"
 _STRONG = 10.0  # by which it must fall for another line or a frequency that moves: their "very strong"
 _APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
+_FLATTENED = 0.01  # of the amplitude: third harmonic; damping makes one itself, of about a tenth of its ratio
 _DRIFT = 1.5  # cycles within the record: what is slower is drift
 _BESIDE = 0.3  # of the main line's amplitude: a greater second line changes the damper's force on the first
 
@@ -187,6 +188,12 @@ def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> DecayFit
         return None
     if fit.values[1, 0] * time[-1] < _DRIFT * 2.0 * np.pi:
         raise record.refused("drift", "is no straight line or parabola", "take the slow part out of the record")
+    harmonic = fit.values[1, 0] / fit.values[0, 0]
+    share = float(fit.start_amplitude[1] / fit.start_amplitude[0])
+    if abs(harmonic - 3.0) < 0.05 and share > max(_FLATTENED, 0.2 * float(fit.values[0, 1] + fit.values[0, 2])):
+        value = f"third harmonic of {100.0 * share:.3g} % of the amplitude"
+        cure = "look for a clipped or limited sensor, or start at a smaller amplitude"
+        raise record.refused(value, "the crests are flattened or sharpened", cure)
     sizes = [float(np.sqrt(np.mean(fit.amplitude(m) ** 2))) for m in (0, 1)]
     if sizes[1] > _BESIDE * sizes[0]:
         value = f"two lines {w1 / 2.0 / np.pi:.4g} / {fit.values[1, 0] / 2.0 / np.pi:.4g} Hz"

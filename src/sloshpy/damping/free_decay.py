@@ -119,7 +119,7 @@ def _check_fits(record: DecayRecord, choice: Choice) -> None:
     if choice.falling:
         cure = "look for a limited or clipped sensor, or contact-line friction, which only a table by hand can hold"
         raise record.refused("damping that falls with the amplitude", "fits better than any law of damping", cure)
-    checks.check_misfit(record, best, choice.excess)
+    checks.check_misfit(record, best)
     most = float(ratio_at(best.values[0], np.ones(1))[0])
     if most > _MOST_RATIO:
         rule = f"is beyond the {100.0 * _MOST_RATIO:g} % up to which a decay has an envelope"
