@@ -4,7 +4,8 @@ The public names, in reading order; each is loaded when it is first used.
 
     nouns        Case, Vehicle, SloshMass, FlexibleMode, Engine, Aerodynamics, Autopilot, Actuator, Filter,
                  DigitalFilter, Criteria
-    damping      ConstantDamping, PowerDamping, TableDamping, SumDamping
+    damping      ConstantDamping, PowerDamping, TableDamping, SumDamping; from a test: read_time_history, free_decay,
+                 plot_free_decay, damping_line; DecayRecord, FreeDecay
     tanks        Tank, slosh_masses, slosh_masses_history, tank_damping, wall_damping, baffle_damping, read_tank,
                  read_fill_table, write_fill_history, plot_tank, plot_tank_damping, plot_fill_history;
                  shapes: Cylinder, Capsule, Sphere, Spheroid, Cone, Annulus, Toroid, Contour
@@ -50,10 +51,20 @@ _ROOMS = {
         "Toroid",
         "Contour",
     ),
-    "damping": ("ConstantDamping", "PowerDamping", "TableDamping", "SumDamping"),
+    "damping": (
+        "ConstantDamping",
+        "PowerDamping",
+        "TableDamping",
+        "SumDamping",
+        "free_decay",
+        "DecayRecord",
+        "FreeDecay",
+    ),
     "files": (
         "read_case",
         "read_tank",
+        "read_time_history",
+        "damping_line",
         "read_fill_table",
         "write_fill_history",
         "write_case",
@@ -109,6 +120,7 @@ _ROOMS = {
         "plot_danger_zones",
         "plot_degradation_map",
         "plot_fill_history",
+        "plot_free_decay",
         "plot_growth",
         "plot_limit_cycle",
         "plot_mode_tracks",

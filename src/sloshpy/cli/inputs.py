@@ -12,6 +12,7 @@ from sloshpy.cli.options import CaseFile, Output, drawn, figure_path, refused, w
 from sloshpy.files import (
     case_schema,
     example_names,
+    example_record_names,
     example_tank_names,
     read_case,
     read_fill_table,
@@ -93,7 +94,7 @@ def schema() -> int:
 
 @app.command
 def example(name: Annotated[str, Parameter(help="name of a shipped example")] = "") -> int:
-    """Write a shipped example case or tank to the current folder; without a name, list them."""
-    listed = [*example_names(), *example_tank_names()]
+    """Write a shipped example case, tank or record to the current folder; without a name, list them."""
+    listed = [*example_names(), *example_tank_names(), *example_record_names()]
     print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(listed))
     return 0

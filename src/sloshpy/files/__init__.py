@@ -1,23 +1,27 @@
-"""Files: cases in and out, damping tables, the shipped examples and the schema of the case file."""
+"""Files: cases in and out, damping tables, time histories, the shipped examples and the schema of the case file."""
 
 from sloshpy.files.case_file import read_case
-from sloshpy.files.examples import example_names, example_tank_names, write_example
+from sloshpy.files.examples import example_names, example_record_names, example_tank_names, write_example
 from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.fill_history import read_fill_table, write_fill_history
 from sloshpy.files.schema import case_schema
 from sloshpy.files.tables import read_damping_table
 from sloshpy.files.tank_file import read_tank
-from sloshpy.files.write import write_case
+from sloshpy.files.time_history import read_time_history
+from sloshpy.files.write import damping_line, write_case
 
 __all__ = [
     "case_schema",
+    "damping_line",
     "example_names",
+    "example_record_names",
     "example_tank_names",
     "from_control",
     "read_case",
     "read_damping_table",
     "read_fill_table",
     "read_tank",
+    "read_time_history",
     "response_to_control",
     "to_control",
     "write_case",

@@ -1,4 +1,4 @@
-"""The shipped example cases and tanks, copied to where the user works."""
+"""The shipped example cases, tanks and records, copied to where the user works."""
 
 import os
 from importlib.resources import files
@@ -21,19 +21,25 @@ def example_tank_names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
 
 
+def example_record_names() -> list[str]:
+    """Return the names of the shipped records of tests, which are synthetic."""
+    folder = files("sloshpy") / "data" / "records"
+    return sorted(file.name.removesuffix(".csv") for file in folder.iterdir() if file.name.endswith(".csv"))
+
+
 def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
-    """Copy a shipped example case or tank into a folder and return its path.
+    """Copy a shipped example case, tank or record into a folder and return its path.
 
     Raises:
         InputError: no example of this name, no such folder, or the file is there already.
     """
-    tanks = example_tank_names()
-    names = [*example_names(), *tanks]
+    tanks, records = example_tank_names(), example_record_names()
+    names = [*example_names(), *tanks, *records]
     if name not in names:
         raise InputError(
             Problem(key="example", value=name, rule=f"is none of {', '.join(names)}", cure=nearest(name, names))
         )
-    target = Path(folder) / f"{name}.toml"
+    target = Path(folder) / (f"{name}.csv" if name in records else f"{name}.toml")
     if not target.parent.is_dir():
         raise InputError(
             Problem(key="folder", value=str(folder), rule="does not exist", cure="make it or name another")
@@ -43,5 +49,6 @@ def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
             Problem(key="example", value=str(target), rule="is there already", cure="remove it or name another folder")
         )
     data = files("sloshpy") / "data"
-    write_whole(target, ((data / "tanks" if name in tanks else data) / target.name).read_bytes())
+    place = data / "tanks" if name in tanks else data / "records" if name in records else data
+    write_whole(target, (place / target.name).read_bytes())
     return target

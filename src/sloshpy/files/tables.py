@@ -45,7 +45,7 @@ class _Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Column:
+class TableColumn:
     """What a header says of its column: the quantity and the unit its cells are in."""
 
     name: str
@@ -80,7 +80,7 @@ def read_damping_table(path: str | os.PathLike[str]) -> tuple[Array, Array]:
 
 def read_columns(
     path: str | os.PathLike[str], kind: Kind
-) -> "tuple[list[_Column], list[_Row], dict[str, list[float]]]":
+) -> "tuple[list[TableColumn], list[_Row], dict[str, list[float]]]":
     """Read a table and return its columns, its rows, the header first, and the numbers of each column in SI.
 
     Raises:
@@ -88,7 +88,7 @@ def read_columns(
     """
     name = os.fspath(path)
     _, text = read_text(path, kind.what)
-    rows = [_Row(line=k, cells=_cells(line)) for k, line in enumerate(text.split("\n"), 1) if _bare(line)]
+    rows = [_Row(line=k, cells=cells_of(line)) for k, line in enumerate(text.split("\n"), 1) if bare(line)]
     if not rows:
         raise InputError(Problem(key=kind.what, value="", rule="has no header", cure=kind.cure, file=name))
     columns = _columns(rows[0], name, kind)
@@ -110,18 +110,20 @@ def read_columns(
     return columns, rows, numbers
 
 
-def _bare(line: str) -> str:
+def bare(line: str) -> str:
+    """Return a line without its comment."""
     return _COMMENT.split(line, maxsplit=1)[0].strip()
 
 
-def _cells(line: str) -> list[str]:
+def cells_of(line: str) -> list[str]:
+    """Return the cells of a line."""
     try:
-        return [cell.strip() for cell in next(csv.reader([_bare(line)], skipinitialspace=True), [])]
+        return [cell.strip() for cell in next(csv.reader([bare(line)], skipinitialspace=True), [])]
     except csv.Error:  # a cell of more than 131 072 characters
         return [line[:_SHOWN]]
 
 
-def _columns(header: _Row, file: str, kind: Kind) -> list[_Column]:
+def _columns(header: _Row, file: str, kind: Kind) -> list[TableColumn]:
     """Return what the header says of each column."""
 
     def refused(value: str, rule: str, cure: str = kind.cure) -> InputError:
@@ -132,7 +134,7 @@ def _columns(header: _Row, file: str, kind: Kind) -> list[_Column]:
         raise refused(
             written, "is separated by semicolons", "separate the cells by commas, with decimal points in them"
         )
-    columns: list[_Column] = []
+    columns: list[TableColumn] = []
     for cell in header.cells:
         found = _HEADER.fullmatch(cell)
         if found is None:
@@ -151,8 +153,8 @@ def _columns(header: _Row, file: str, kind: Kind) -> list[_Column]:
                 parse(f"1 {unit}", kind.columns[name])
             except UnitError as error:
                 raise refused(written, f"[{unit}] {error.rule}") from None
-        bare = unit is None or unit == "1"
-        columns.append(_Column(name=name, unit="" if bare else unit.strip(), si=kind.columns[name]))
+        plain = unit is None or unit == "1"
+        columns.append(TableColumn(name=name, unit="" if plain else unit.strip(), si=kind.columns[name]))
     for name in kind.columns:
         if name not in [*kind.optional, *(column.name for column in columns)]:
             raise refused(written, f'has no column "{name}"')
@@ -164,7 +166,7 @@ def _number(cell: str) -> bool:
 
 
 def _read_row(
-    row: _Row, columns: list[_Column], numbers: dict[str, list[float]], ended: set[str], file: str, kind: Kind
+    row: _Row, columns: list[TableColumn], numbers: dict[str, list[float]], ended: set[str], file: str, kind: Kind
 ) -> list[Problem]:
     """Append a row's numbers to its columns; return what is wrong with it. An optional column may end before others."""
     if len(row.cells) != len(columns):
@@ -179,7 +181,7 @@ def _read_row(
         try:
             if column.name in ended:
                 raise UnitError("follows a blank cell", "leave blank cells at the end of the column only")
-            numbers[column.name].append(_read_cell(cell, column))
+            numbers[column.name].append(read_cell(cell, column))
         except UnitError as error:
             key = f"column {column.name}"
             problems.append(
@@ -188,25 +190,26 @@ def _read_row(
     return problems
 
 
-def _read_cell(cell: str, column: _Column) -> float:
+def read_cell(cell: str, column: TableColumn) -> float:
+    """Return a cell in SI."""
     cure = "write a number with a decimal point"
     if not cell:
         raise UnitError("is blank", "fill the cell or drop the row")
     if cell.lstrip("+-").lower() in {"nan", "inf", "infinity"}:
         raise UnitError("must be finite", cure)
     try:
-        bare = parse(cell, "1")
+        plain = parse(cell, "1")
     except UnitError as error:
         raise UnitError(error.rule, error.cure if "Fortran" in error.rule else cure) from None
     if re.search(r"[^\d.eE+-]", cell):
         raise UnitError("has a unit in the cell", "write the unit into the header only")
-    value = parse(f"{cell} {column.unit}", column.si) if column.unit else bare
+    value = parse(f"{cell} {column.unit}", column.si) if column.unit else plain
     if not math.isfinite(value):
         raise UnitError("must be finite", cure)
     return value
 
 
-def _row_problems(error: ValidationError, rows: list[_Row], columns: list[_Column], file: str) -> list[Problem]:
+def _row_problems(error: ValidationError, rows: list[_Row], columns: list[TableColumn], file: str) -> list[Problem]:
     """Return what the law says of the numbers, each with the row that it is about."""
     problems = []
     for fault in error.errors():

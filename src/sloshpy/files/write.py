@@ -150,6 +150,11 @@ def _gain(ratio: float) -> str:
     return min(tries, key=lambda text: abs(parse(text, "dB") - ratio))
 
 
+def damping_line(law: DampingLaw) -> str:
+    """Return the line of a case file that gives a tank this damping."""
+    return f"damping = {_law(law)}"
+
+
 def _law(law: DampingLaw) -> str:
     match law:
         case ConstantDamping():

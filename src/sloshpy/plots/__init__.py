@@ -6,6 +6,7 @@ from sloshpy.plots.damping_sweep import plot_damping_sweep
 from sloshpy.plots.danger_zone import plot_danger_zone
 from sloshpy.plots.danger_zones import plot_danger_zones
 from sloshpy.plots.degradation_map import plot_degradation_map
+from sloshpy.plots.free_decay import plot_free_decay
 from sloshpy.plots.growth import plot_growth
 from sloshpy.plots.limit_cycle import plot_limit_cycle
 from sloshpy.plots.mode_tracks import plot_mode_tracks
@@ -26,6 +27,7 @@ __all__ = [
     "plot_danger_zones",
     "plot_degradation_map",
     "plot_fill_history",
+    "plot_free_decay",
     "plot_growth",
     "plot_limit_cycle",
     "plot_mode_tracks",

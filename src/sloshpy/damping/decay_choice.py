@@ -1,0 +1,204 @@
+"""The best law for a record by Schwarz's criterion, and the second line that would make any of them wrong."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sloshpy.damping.decay_checks import FALSE_ALARM, noise_excess, white
+from sloshpy.damping.decay_fit import DecayFit, fit_decay
+from sloshpy.damping.decay_model import CONSTANT, FLATTEST, LAWS, STEEPEST, DecayLaw
+from sloshpy.damping.decay_record import DecayRecord
+from sloshpy.damping.decay_start import Line, spectrum, two_lines_of
+from sloshpy.units import Array
+
+_WORTH = 2.0  # by which the criterion must fall for a law with one number more: Kass and Raftery's "positive"
+_STRONG = 10.0  # by which it must fall for another line or a frequency that moves: their "very strong"
+_APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
+_FLATTENED = 0.01  # of the amplitude: third harmonic; damping makes one itself, of about a tenth of its ratio
+_DRIFT = 1.5  # cycles within the record: what is slower is drift
+_BESIDE = 0.3  # of the main line's amplitude: a greater second line changes the damper's force on the first
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """Every law that a record allows, best first, with its criterion.
+
+    excess: of the noise at the line. falling: whether damping that falls with the amplitude would fit far better.
+    """
+
+    fits: tuple[DecayFit, ...]
+    criteria: Array
+    excess: float
+    falling: bool
+
+    @property
+    def best(self) -> DecayFit:
+        """The fit of the law chosen."""
+        return self.fits[0]
+
+    @property
+    def weights(self) -> Array:
+        """Each law's share of belief, exp(-BIC/2) over the sum."""
+        share = np.exp(-0.5 * np.maximum(self.criteria - np.min(self.criteria), 0.0))
+        return np.asarray(share / np.sum(share))
+
+
+def choose_law(record: DecayRecord, line: Line) -> Choice:
+    """Fit every law, look for a moving frequency and a second line, and put the laws in order.
+
+    Raises:
+        InputError: two close lines, or a second line too strong to stand beside the first.
+    """
+    time = record.time - record.time[0]
+    fits = _fit_laws(record, time, line, LAWS, None)
+    if not fits:
+        raise record.refused(f"{line.frequency / 2.0 / np.pi:.4g} Hz", "no decay can be fitted", "look at the record")
+    best = min(fits, key=DecayFit.information)
+    best = _moving(best, time, record) or best
+    laws = LAWS if "k" not in best.laws[0].free else tuple(replace(law, free=(*law.free, "k")) for law in LAWS)
+    both = _separate_line(record, time, best)
+    if both is not None:
+        record_of_one = replace(record, value=record.value - both.part(1))
+        best = min(_fit_laws(record_of_one, time, line, laws, None), key=DecayFit.information)
+    pair = _close_lines(record if both is None else record_of_one, time, line, best)
+    pair = _close_lines(record, time, line, best)
+    if pair is not None:
+        if abs(pair.values[0, 0] - pair.values[1, 0]) * time[-1] < np.pi:  # half a beat: not told apart
+            value = f"amplitude and phase of the line at {line.frequency / 2.0 / np.pi:.4g} Hz"
+            cure = "look for friction, a disturbance or excitation within the record, clipping, or two close lines"
+            raise record.refused(value, "follow no law of damping", cure)
+        f1, f2 = sorted(pair.values[:, 0] / 2.0 / np.pi)
+        cure = "rotate x and y to the tank's axes, excite one mode alone, or look for a disturbance in the record"
+        raise record.refused(f"two lines {f1:.4g} / {f2:.4g} Hz", "single-mode damping refused", cure)
+    if laws is not LAWS or both is not None:
+        fits = _fit_laws(record, time, line, laws, None if both is None else both.values[1])
+    return _in_order(fits)
+
+
+def _fit_laws(
+    record: DecayRecord, time: Array, line: Line, laws: Sequence[DecayLaw], beside: Array | None
+) -> list[DecayFit]:
+    """Fit each law; a free exponent starts from the better of the fixed ones. `beside`: values of a second line."""
+    fits: list[DecayFit] = []
+    ratio = max(line.ratio, 1e-4)
+    for law in laws:
+        start = law.full
+        start[0] = line.frequency
+        if law.name != "power":
+            start[1] = line.ratio if law.name == "constant" else 0.5 * ratio
+        if "q" in law.free:
+            start[2] = ratio
+        if law.name == "sum" and "p" in law.free and not any(map(_possible, fits[-2:])):
+            continue  # neither fixed exponent leaves a place for both parts
+        same = [fit for fit in fits if fit.laws[0].name == law.name]
+        if "p" in law.free and same:
+            start = min(same, key=lambda fit: fit.squares).values[0].copy()
+        rows = start[None] if beside is None else np.stack([start, beside])
+        fit = fit_decay([law] if beside is None else [law, CONSTANT], rows, time, record.value)
+        if fit is not None:
+            fits.append(fit)
+    return fits
+
+
+def _in_order(fits: list[DecayFit]) -> Choice:
+    """Put the laws in order; one with more numbers must be worth them."""
+    excess = noise_excess(min(fits, key=lambda fit: fit.squares))
+    allowed = [fit for fit in fits if _possible(fit)] or [fit for fit in fits if fit.laws[0].name == "constant"]
+    scored = sorted(((fit.information(excess), k) for k, fit in enumerate(allowed)))
+    top = scored[0][0]
+    near = [(allowed[k].count, score, k) for score, k in scored if score < top + _WORTH]
+    first = min(near)[2]
+    order = [first, *(k for _, k in scored if k != first)]
+    scores = {k: score for score, k in scored}
+    lowest = min(fits, key=lambda fit: fit.information(excess))
+    falling = lowest.laws[0].name == "sum" and lowest.values[0, 2] < 0.0 and top - lowest.information(excess) > _STRONG
+    return Choice(
+        fits=tuple(allowed[k] for k in order),
+        criteria=np.array([scores[k] for k in order]),
+        excess=excess,
+        falling=falling,
+    )
+
+
+def _possible(fit: DecayFit) -> bool:
+    """Whether a fitted law is one of the package's: no negative part, an exponent within its range."""
+    _, xi0, q, p, _ = fit.values[0]
+    if "p" in fit.laws[0].free and not 1.01 * FLATTEST < p < 0.99 * STEEPEST:
+        return False
+    return bool(("xi0" not in fit.laws[0].free or fit.laws[0].name == "constant" or xi0 > 0.0) and (
+        "q" not in fit.laws[0].free or q > 0.0
+    ))  # fmt: skip
+
+
+def _far_better(fit: DecayFit, other: DecayFit, excess: float) -> bool:
+    """Whether a fit beats another beyond doubt; by thrice as much where coloured noise raises peaks of its own."""
+    margin = _STRONG if excess == 1.0 else 3.0 * _STRONG
+    return fit.information(excess) < other.information(excess) - margin
+
+
+def _moving(best: DecayFit, time: Array, record: DecayRecord) -> DecayFit | None:
+    """Return the best law with a frequency that moves with the amplitude, where the record asks for one."""
+    if white(best):
+        return None
+    law = replace(best.laws[0], free=(*best.laws[0].free, "k"))
+    fit = fit_decay([law], best.values, time, record.value)
+    return fit if fit is not None and _far_better(fit, best, noise_excess(fit)) else None
+
+
+def _close_lines(record: DecayRecord, time: Array, line: Line, best: DecayFit) -> DecayFit | None:
+    """Return the fit of two close lines where it is better than that of any law."""
+    w = best.values[0, 0]
+    shift = 2.0 * np.pi / time[-1]
+    guesses = [two_lines_of(line), [(w - 0.5 * shift, line.ratio), (w + 0.5 * shift, line.ratio)]]
+    found = []
+    for guess in guesses:
+        if guess is None:
+            continue
+        start = np.array([[frequency, ratio, 0.0, 1.0, 0.0] for frequency, ratio in guess])
+        fit = fit_decay([CONSTANT, CONSTANT], start, time, record.value)
+        if fit is not None and np.all(np.abs(fit.values[:, 0] / w - 1.0) < _APART):
+            found.append(fit)
+        if white(best):
+            break  # nothing is left to explain: one guess is enough
+    closest = min(found, key=DecayFit.information, default=None)
+    return closest if closest is not None and _far_better(closest, best, noise_excess(closest)) else None
+
+
+def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> DecayFit | None:
+    """Return the fit with a second line well apart from the first, None where the residual has none.
+
+    Raises:
+        InputError: the line stands too near the first or is too strong.
+    """
+    if white(best):
+        return None
+    f, power = spectrum(time, best.residual)
+    allowed = f * time[-1] > 2.0
+    share = np.where(allowed, power, 0.0) / np.mean(power[allowed])
+    k = int(np.argmax(share))
+    if share[k] < np.log(len(f) / 4.0 / FALSE_ALARM):  # Fisher: an exponential variable among n/2 of them
+        return None
+    w1, w2 = best.values[0, 0], 2.0 * np.pi * float(f[k])
+    if abs(w2 / w1 - 1.0) < _APART:
+        return None  # a misfit of the law, or two lines that the fit of two has not told apart
+    second = np.array([w2, max(float(best.values[0, 1]), 0.002), 0.0, 1.0, 0.0])
+    fit = fit_decay([best.laws[0], CONSTANT], np.stack([best.values[0], second]), time, record.value)
+    if fit is None or not _far_better(fit, best, noise_excess(fit, mode=1)):
+        return None
+    if fit.values[1, 0] * time[-1] < _DRIFT * 2.0 * np.pi:
+        raise record.refused("drift", "is no straight line or parabola", "take the slow part out of the record")
+    harmonic = fit.values[1, 0] / fit.values[0, 0]
+    share = float(fit.start_amplitude[1] / fit.start_amplitude[0])
+    if abs(harmonic - 3.0) < 0.05 and share > max(_FLATTENED, 0.2 * float(fit.values[0, 1] + fit.values[0, 2])):
+        value = f"third harmonic of {100.0 * share:.3g} % of the amplitude"
+        cure = "look for a clipped or limited sensor, or start at a smaller amplitude"
+        raise record.refused(value, "the crests are flattened or sharpened", cure)
+    sizes = [float(np.sqrt(np.mean(fit.amplitude(m) ** 2))) for m in (0, 1)]
+    if sizes[1] > _BESIDE * sizes[0]:
+        value = f"two lines {w1 / 2.0 / np.pi:.4g} / {fit.values[1, 0] / 2.0 / np.pi:.4g} Hz"
+        rule = (
+            f"the second has {100.0 * sizes[1] / sizes[0]:.3g} % of the first's amplitude: single-mode damping refused"
+        )
+        raise record.refused(value, rule, "excite one mode alone, or filter the other out of the record")
+    return fit

@@ -1,0 +1,158 @@
+"""A record of one dying oscillation to frequency and xi(A) with bands, or the reason why not."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sloshpy.damping import decay_checks as checks
+from sloshpy.damping.decay_band import Draws, bootstrap, interval
+from sloshpy.damping.decay_choice import Choice, choose_law
+from sloshpy.damping.decay_fit import DecayFit
+from sloshpy.damping.decay_model import CONSTANT, ratio_at
+from sloshpy.damping.decay_record import UNIT_OF, DecayRecord, Measured
+from sloshpy.damping.decay_result import Estimate, FreeDecay
+from sloshpy.damping.decay_start import main_line, strongest_line
+from sloshpy.errors import InputError, Problem
+from sloshpy.units import Array
+
+LEVEL = 0.95
+_GRID = 25  # amplitudes of the band, evenly spaced in their logarithm
+_MOST_RATIO = 0.15  # first-order averaging is good to 1 % of xi up to here
+_WIDEST = 0.5  # of xi at the middle amplitude: a wider half band identifies nothing
+
+
+def free_decay(
+    record: DecayRecord,
+    measured: Measured = "displacement",
+    *,
+    per_displacement: float | None = None,
+    frequency_hint: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    draws: int = 2000,
+    seed: int = 0,
+) -> FreeDecay:
+    """Identify slosh frequency and damping from a free decay: x = offset + drift t + A(t) cos theta(t) + white noise.
+
+    Maximum likelihood of a constant, a power and a sum law, the best by Schwarz's criterion; bands by bootstrap, mixed
+    over the laws by their weights.
+
+    Args:
+        record: one decay, sampled at known times.
+        measured: what its column is: slosh-mass "displacement", "wave" height at the wall or lateral "force"; peak
+            amplitudes, never peak to peak.
+        per_displacement: record per slosh-mass displacement: m/m for a wave, N/m for a force (m_s w^2). Without it only
+            a constant ratio becomes a law.
+        frequency_hint: expected slosh frequency, rad/s; without it aliasing cannot be excluded.
+        start, end: part of the record, s of its own time.
+        draws: of the bootstrap.
+        seed: of the bootstrap.
+
+    Raises:
+        InputError: the record does not identify a damping; the text says why.
+    """
+    scale = _scale(record, measured, per_displacement)
+    part = record.between(start, end)
+    checks.check_constant(part)
+    sampling = checks.sampling_of(part, frequency_hint)
+    line = main_line(part, strongest_line(part, frequency_hint))
+    checks.check_line(part, sampling, line.frequency)
+    checks.check_clipping(part, line.frequency, sampling.step)
+    choice = choose_law(part, line)
+    best = choice.best
+    checks.check_line(part, sampling, float(best.values[0, 0]))
+    _check_fits(part, choice)
+    floor = checks.check_strength(part, best, sampling.step, choice.excess)
+    halves = checks.check_halves(part, best, choice.excess)
+    found = bootstrap(choice, draws, seed)
+    amplitude = np.geomspace(floor, float(best.start_amplitude[0]), _GRID)
+    ratio = ratio_at(best.values[0], amplitude / best.start_amplitude[0])
+    low, high = interval(found.ratio(amplitude), LEVEL)
+    _check_band(part, ratio, low, high)
+    return FreeDecay(
+        record=part,
+        measured=measured,
+        per_displacement=scale,
+        hint=frequency_hint,
+        choice=choice,
+        sampling=sampling,
+        level=LEVEL,
+        seed=seed,
+        amplitude=amplitude / (scale or 1.0),
+        ratio=ratio,
+        ratio_low=np.minimum(low, ratio),
+        ratio_high=np.maximum(high, ratio),
+        estimates=_estimates(best, found, scale or 1.0),
+        halves=halves,
+    )
+
+
+def _scale(record: DecayRecord, measured: Measured, per_displacement: float | None) -> float | None:
+    """Return the record's unit per m of slosh-mass displacement, None where it is not known."""
+    if measured not in UNIT_OF:
+        problem = Problem(
+            key="measured",
+            value=str(measured),
+            rule="must be displacement, wave or force",
+            cure="say what the column is",
+        )
+        raise InputError(problem)
+    if record.unit != UNIT_OF[measured]:
+        rule = f"is no {measured}, which is in {UNIT_OF[measured]}"
+        raise record.refused(f"[{record.unit}]", rule, "say what the column is, or name another")
+    if measured == "displacement":
+        if per_displacement not in (None, 1.0):
+            raise record.refused(f"factor {per_displacement}", "a displacement needs no factor", "leave it out")
+        return 1.0
+    if per_displacement is not None and not 0.0 < per_displacement < np.inf:
+        raise record.refused(
+            f"factor {per_displacement}", "must be > 0 and finite", f"give the {measured} per displacement"
+        )
+    return per_displacement
+
+
+def _check_fits(record: DecayRecord, choice: Choice) -> None:
+    """Refuse what no law explains, what does not decay, and damping beyond the theory."""
+    best = choice.best
+    constant = next((fit for fit in choice.fits if fit.laws[0].name == CONSTANT.name), best)
+    checks.check_decay(record, constant, choice.excess)
+    if choice.falling:
+        cure = "look for a limited or clipped sensor, or contact-line friction, which only a table by hand can hold"
+        raise record.refused("damping that falls with the amplitude", "fits better than any law of damping", cure)
+    checks.check_misfit(record, best)
+    most = float(ratio_at(best.values[0], np.ones(1))[0])
+    if most > _MOST_RATIO:
+        rule = f"is beyond the {100.0 * _MOST_RATIO:g} % up to which a decay has an envelope"
+        raise record.refused(f"damping {100.0 * most:.3g} %", rule, "start at a smaller amplitude")
+
+
+def _check_band(record: DecayRecord, ratio: Array, low: Array, high: Array) -> None:
+    middle = len(ratio) // 2
+    if 0.5 * (high[middle] - low[middle]) > _WIDEST * ratio[middle]:
+        value = f"95 % band {100.0 * low[middle]:.2g}-{100.0 * high[middle]:.2g} %"
+        raise record.refused(value, "identifies no damping", "record for longer, or with less noise")
+
+
+def _estimates(fit: DecayFit, found: Draws, scale: float) -> tuple[Estimate, ...]:
+    """Return frequency and the law's numbers with their bands; those of the numbers hold for this law."""
+    law = fit.laws[0]
+    w, xi0, q, p, k = fit.values[0]
+    A0 = fit.start_amplitude[0] / scale
+
+    def estimate(name: str, value: float, samples: Array, unit: str) -> Estimate:
+        low, high = interval(samples, LEVEL)
+        return Estimate(name=name, value=float(value), low=float(low), high=float(high), unit=unit)
+
+    rows = [estimate("frequency", w, found.values[:, 0], "rad/s")]
+    values, start = found.values[: found.of_best], found.start_amplitude[: found.of_best] / scale
+    if "xi0" in law.free:
+        rows.append(estimate("constant_ratio", xi0, values[:, 1], "1"))
+    if "q" in law.free:
+        exponent = np.clip(values[:, 3], 0.05, 4.0)
+        slopes = values[:, 2] / start**exponent
+        rows.append(estimate("slope", q / A0**p, slopes, "1/m" if p == 1.0 else f"1/m^{p:.6g}"))
+        if "p" in law.free:
+            rows.append(estimate("exponent", p, exponent, "1"))
+    if "k" in law.free:
+        rows.append(estimate("frequency_change", k, values[:, 4], "1"))
+    return tuple(replace(row, low=min(row.low, row.value), high=max(row.high, row.value)) for row in rows)
