@@ -134,8 +134,7 @@ class _Hill:
         for _ in range(3):  # inverse iteration: the singular direction of H, a hundredth of the time of its svd
             vector = np.linalg.solve(H, vector)
             vector /= np.linalg.norm(vector)
-        vector = vector.reshape(len(self.offset), -1)
-        k = int(np.argmax(np.linalg.norm(vector, axis=-1)))
+        k = int(np.argmax(np.linalg.norm(vector.reshape(len(self.offset), -1), axis=-1)))
         return abs(float((mu + self.offset[k]).imag))
 
     def right_half(self) -> int:

@@ -15,6 +15,10 @@ from sloshpy.units import Array, Real
 class Signal(Protocol):
     """What a simulation asks of a disturbance."""
 
+    @property
+    def jumps(self) -> Array:
+        """Times in s at which the signal or its slope jumps."""
+
     def __call__(self, time: Real) -> Array:
         """Return the signal at times in s, any shape."""
 
@@ -25,6 +29,10 @@ class Step:
 
     size: float
     start: float = 0.0
+
+    @property
+    def jumps(self) -> Array:
+        return np.array([self.start])
 
     def __call__(self, time: Real) -> Array:
         return np.where(np.asarray(time) >= self.start, self.size, 0.0)
@@ -38,6 +46,10 @@ class Pulse:
     duration: float
     start: float = 0.0
 
+    @property
+    def jumps(self) -> Array:
+        return np.array([self.start, self.start + self.duration])
+
     def __call__(self, time: Real) -> Array:
         t = np.asarray(time) - self.start
         return np.where((t >= 0.0) & (t < self.duration), self.size, 0.0)
@@ -50,6 +62,10 @@ class OneMinusCosine:
     size: float
     duration: float
     start: float = 0.0
+
+    @property
+    def jumps(self) -> Array:
+        return np.array([self.start, self.start + self.duration])
 
     def __call__(self, time: Real) -> Array:
         t = (np.asarray(time, dtype=float) - self.start) / self.duration
@@ -68,6 +84,10 @@ class Samples:
             raise ValueError("a table of a disturbance has two columns of at least two rows")
         if not (np.all(np.diff(self.time) > 0.0) and np.all(np.isfinite(self.value))):
             raise ValueError("the times of a disturbance must increase and its values be finite")
+
+    @property
+    def jumps(self) -> Array:
+        return np.array(self.time, dtype=float)
 
     def __call__(self, time: Real) -> Array:
         return np.asarray(np.interp(time, self.time, self.value, left=0.0, right=0.0))
@@ -103,6 +123,10 @@ class Noise:
     def density(self) -> float:
         """One-sided power spectral density, unit^2 s/rad."""
         return self.rms**2 / (self.high - self.low)
+
+    @property
+    def jumps(self) -> Array:
+        return np.array([], dtype=float)
 
     def __call__(self, time: Real) -> Array:
         t = np.asarray(time, dtype=float)
