@@ -12,7 +12,7 @@ import oracle
 from cases import paper_case, xi
 from sloshpy.autopilot import Actuator, Filter
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
-from sloshpy.simulation import Pulse, Step, simulate, simulate_ensemble
+from sloshpy.simulation import Noise, Pulse, Step, simulate, simulate_ensemble
 from sloshpy.vehicle import SloshMass
 
 SECOND = SloshMass(name="b", slosh_mass=400.0, station=4.0, frequency=2.6, damping=xi(0.02))
@@ -179,3 +179,11 @@ def test_a_scalar_force_is_the_laws_acceleration():
         v = np.linspace(-0.9, 0.9, 61)
         force = [law.force(2.0)(x) for x in v]
         np.testing.assert_allclose(force, law.acceleration(v, 2.0), rtol=1e-12, atol=1e-16)
+
+
+def test_noise_one_time_at_a_time_is_its_sum_of_lines():
+    noise = Noise(rms=1e-3, low=0.8, high=3.5, seed=5, lines=300)
+    t = np.random.default_rng(3).uniform(0.0, 60.0, 300)
+
+    one = noise.until(60.0)
+    assert np.abs([one(x) for x in t] - noise(t)).max() < 5e-6 * 1e-3

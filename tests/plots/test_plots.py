@@ -15,7 +15,7 @@ from sloshpy.case import Case
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve, limit_cycles
 from sloshpy.plots.style import SMALL
-from sloshpy.simulation import TimeHistory, simulate_degraded
+from sloshpy.simulation import TimeHistory, simulate, simulate_degraded
 from sloshpy.stability import (
     DampingSweep,
     damping_law_curve,
@@ -204,3 +204,13 @@ def test_a_limit_cycle_without_amplitude_is_not_drawn_but_explained(cycle: Limit
     nothing = replace(cycle, tvc_amplitude=np.full(2, np.nan), reasons=("the data end at 0.3 m",))
     with pytest.raises(OutsideValidity, match=r"LOX: the data end at 0\.3 m"):
         plots.plot_limit_cycle(nothing)
+
+
+def test_a_motion_that_dies_down_is_titled_by_its_peak_and_what_is_left(case: Case) -> None:
+    run = simulate(case, 60.0, 0.2, damping=0.05)
+    z = np.abs(run.slosh[:, 0])
+    share = max(np.max(z[run.time > 54.0]) / 0.2, np.max(np.abs(run.tvc[run.time > 54.0])) / np.max(np.abs(run.tvc)))
+    assert run.left == pytest.approx(share, rel=0.1)
+    words = title(plots.plot_time_history(run)[0])
+    assert words.startswith("Peaks at 0.2 m of LOX slosh")
+    assert f"dies down to {100.0 * run.left:.2g} % of that within 60 s" in words

@@ -4,6 +4,7 @@ A signal is a value that answers `signal(time)`, in the unit of what it disturbs
 the lateral wind. Nothing is random but the phases of `Noise`, which come from its seed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -123,6 +124,24 @@ class Noise:
     def density(self) -> float:
         """One-sided power spectral density, unit^2 s/rad."""
         return self.rms**2 / (self.high - self.low)
+
+    def until(self, end: float) -> Callable[[float], float]:
+        """Return the signal from 0 to `end` in s for one time at a time: its spline through ten samples a radian.
+
+        (1/10)^4 5/384 = 1.3e-6 of the fastest line, and a thousandth of the work of its sum.
+        """
+        from scipy.interpolate import CubicSpline  # 0.3 s: only for noise
+
+        step = 0.1 / self.high
+        time = step * np.arange(int(np.ceil(end / step)) + 2, dtype=float)
+        cubics: list[list[float]] = CubicSpline(time, self(time)).c.T.tolist()
+
+        def at(t: float) -> float:
+            k = int(t / step)
+            (a, b, c, d), x = cubics[k], t - k * step
+            return d + x * (c + x * (b + x * a))
+
+        return at
 
     @property
     def jumps(self) -> Array:

@@ -58,6 +58,14 @@ class TimeHistory:
         """Amplitude in rad and frequency of the settled engine motion, or why there is none."""
         return self._envelope(self.tvc)
 
+    @property
+    def left(self) -> float:
+        """Greatest motion of the last tenth of the run over that of all of it; of tanks and engine what keeps most."""
+        moved = np.abs(np.column_stack([self.slosh, self.tvc]))
+        greatest = np.max(moved, axis=0)
+        last = np.max(moved[-(1 + len(moved) // 10) :], axis=0)
+        return float(np.max(last[greatest > 0.0] / greatest[greatest > 0.0], initial=0.0))
+
     def _envelope(self, signal: Array) -> Envelope:
         if self.stopped:
             return Envelope(amplitude=np.nan, omega=np.nan, reason=f"stopped: {self.stopped}")
@@ -143,7 +151,9 @@ def simulate(
     h = min(_spacing(slosh, case), step or duration)
     mesh: Array = h * np.arange(int(np.ceil(duration / h)) + 1, dtype=float)
     jumps = np.concatenate([np.zeros(0), *(signal.jumps for signal in (engine, wind) if signal is not None)])
-    ran = march(model, start, mesh, delay, (_over(engine), _over(wind)), jumps, longest, fastest, rtol, atol)
+    ran = march(
+        model, start, mesh, delay, (_over(engine, mesh[-1]), _over(wind, mesh[-1])), jumps, longest, fastest, rtol, atol
+    )
     count = len(ran.state)
     states, time = model.held(ran.state), mesh[:count]
     command = ran.command if delay else model.commands(states, _at(wind, time))
@@ -191,8 +201,10 @@ def _spacing(slosh: float, case: Case) -> float:
     return min(0.1 / slosh if slosh else np.inf, 0.5 / bending if bending else np.inf)
 
 
-def _over(signal: Signal | None) -> Callable[[float], float]:
-    return (lambda t: 0.0) if signal is None else (lambda t: float(signal(t)))
+def _over(signal: Signal | None, end: float) -> Callable[[float], float]:
+    if signal is None:
+        return lambda t: 0.0
+    return signal.until(end) if isinstance(signal, Noise) else lambda t: float(signal(t))
 
 
 def _at(signal: Signal | None, time: Array) -> Array:
