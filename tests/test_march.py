@@ -175,7 +175,8 @@ def test_a_failure_of_the_integrator_is_no_number():
 def test_a_scalar_force_is_the_laws_acceleration():
     table = TableDamping(amplitude=[0.0, 0.1, 0.4], ratio=[0.002, 0.01, 0.02])
     both = SumDamping(of=(table, PowerDamping(slope=0.1, exponent=0.5), xi(0.01)))
-    for law in (xi(0.02), PowerDamping(slope=0.2), PowerDamping(slope=0.2, exponent=1.5), table, both):
+    ends = PowerDamping(slope=0.2, exponent=0.5, largest_amplitude=0.3)
+    for law in (xi(0.02), PowerDamping(slope=0.2), PowerDamping(slope=0.2, exponent=1.5), ends, table, both):
         v = np.linspace(-0.9, 0.9, 61)
         force = [law.force(2.0)(x) for x in v]
         np.testing.assert_allclose(force, law.acceleration(v, 2.0), rtol=1e-12, atol=1e-16)

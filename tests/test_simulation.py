@@ -147,12 +147,13 @@ def test_a_run_that_leaves_a_formula_stops_where_the_same_formula_without_an_end
     assert run.stopped.startswith("beyond the damping data at ")
     assert not run.slosh_envelope().settled
     k = len(run.time)
-    np.testing.assert_array_equal(run.slosh, free.slosh[:k])
+    # where the last step is tried beyond the end it is cut, which moves a run by the error of a step
+    np.testing.assert_allclose(run.slosh, free.slosh[:k], atol=1e-6)
     speed = np.abs(np.gradient(free.slosh[:, 0], free.time))
     assert np.max(speed[: k - 2]) < 2.0 * 0.3
     assert np.max(speed[: k + 2]) > 0.99 * 2.0 * 0.3
     within = simulate(paper_case(PowerDamping(slope=0.1, largest_amplitude=0.6), **degraded), 300.0, 0.05)
-    np.testing.assert_array_equal(within.slosh, free.slosh)
+    np.testing.assert_allclose(within.slosh, free.slosh, atol=1e-6)
 
 
 def test_power_law_in_time_equals_its_table_in_time():

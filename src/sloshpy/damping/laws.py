@@ -155,6 +155,9 @@ class PowerDamping(_Law):
 
     def force(self, natural_frequency: float) -> Force:
         c, p = self.coefficient(natural_frequency), self.exponent
+        if self.holds_to is not None:
+            fastest = self.holds_to * natural_frequency
+            return lambda v: -c * abs(v) ** p * v if abs(v) <= fastest else math.nan
         return (lambda v: -c * abs(v) * v) if p == 1.0 else (lambda v: -c * abs(v) ** p * v)
 
     def amplitude(self, ratio: Real) -> Array:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.autopilot import Autopilot
 from sloshpy.simulation.model import Model
 from sloshpy.units import Array
 
@@ -75,6 +76,34 @@ class DelayLine:
         return total
 
 
+class SampledLine:
+    """A digital autopilot: what is sampled passes its filters and comes out after the delay, held until the next."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        """Make an empty line of a digital autopilot."""
+        assert autopilot.sample_time is not None
+        self.period, self._delay = autopilot.sample_time, float(autopilot.delay)
+        self._filters = []  # numerator, denominator, states with the newest first
+        for f in autopilot.digital_filter:
+            top, bottom = np.array(f.numerator) / f.denominator[0], np.array(f.denominator) / f.denominator[0]
+            self._filters.append((top, bottom, np.zeros(len(bottom) - 1)))
+        self._held: list[float] = []
+
+    def sample(self, value: float) -> None:
+        """Take in the value of a sample and hold what the filters make of it."""
+        for numerator, denominator, past in self._filters:
+            now = value - float(denominator[1:] @ past)
+            newest = np.concatenate([[now], past])
+            value = float(numerator @ newest[len(newest) - len(numerator) :])
+            past[:] = newest[:-1]
+        self._held.append(value)
+
+    def out(self, time: float) -> float:
+        """Return what is held at a time in s, which must not be that of a change."""
+        k = math.floor((time - self._delay) / self.period)
+        return self._held[k] if k >= 0 else 0.0
+
+
 class Marcher:
     """One run: the solver's stretches, the delay line, the mesh filled so far."""
 
@@ -83,7 +112,7 @@ class Marcher:
         model: Model,
         start: Array,
         mesh: Array,
-        delay: float,
+        autopilot: Autopilot,
         disturbed: tuple[Disturbance, Disturbance],
         longest: float,
         fastest: float,
@@ -93,19 +122,21 @@ class Marcher:
         """Start at 0 s; the arguments are those of `march`."""
         from scipy.integrate import DOP853, RK45  # 0.3 s: only for a run
 
+        delay, period = float(autopilot.delay), autopilot.sample_time
         self._model, self._delay, self._disturbed, self._mesh = model, delay, disturbed, mesh
+        self.sampled = None if period is None else SampledLine(autopilot)
+        self._line = self.sampled or (DelayLine(delay) if delay else None)
         self._kinks = model.kinks(start)
         # long steps want a high order; where delay or fastest pole keep them short, little work for each
-        largest = min(longest, STABLE / fastest, delay or np.inf)
+        largest = min(longest, STABLE / fastest, (delay or np.inf) if period is None else period)
         method = RK45 if largest < longest else DOP853
         self._rtol, self._atol, self._size = rtol, atol, np.abs(start)
         self._forget = 0.1 / longest
         options = {"rtol": LEAST_RTOL, "atol": atol, "max_step": largest}
         self._begin = functools.partial(method, self._slope, **options)
-        self._line = DelayLine(delay)
         self._low, self._high = 0.0, 0.0  # of the stretch between two jumps
         self._beyond = False  # the damping data, since the last accepted step
-        self._usual: float | None = None  # step, s
+        self._usual = period  # step, s
         self.time, self._x, self.steps, self.filled = 0.0, start, 0, 1
         self.states, self.command = np.zeros((len(mesh), model.size)), np.zeros(len(mesh))
         self.states[0] = start
@@ -114,10 +145,16 @@ class Marcher:
         """Return x' at a time in s, on the stretch's own side of the jumps at its ends."""
         t = time if self._low < time < self._high else self._inside(time)
         engine, wind = self._disturbed
-        found = self._model.slope(x, self._line.out(t) if self._delay else None, engine(t), wind(t))
+        found = self._model.slope(x, self._line.out(t) if self._line is not None else None, engine(t), wind(t))
         if found[0] != found[0] and not np.any(np.isnan(x)):  # by the products of `Model` nan is in every entry
             self._beyond = self._model.outside(x)
         return found
+
+    def sample(self) -> None:
+        """Let a digital autopilot take its sample of the present state."""
+        if self.sampled is not None:
+            wind = np.array([self._disturbed[1](self._inside(self.time))])
+            self.sampled.sample(float(self._model.commands(self._x[None], wind)[0]))
 
     def _inside(self, time: float) -> float:
         return min(max(time, self._low), self._high)
@@ -178,12 +215,13 @@ class Marcher:
         if new >= self._mesh[-1]:
             last = len(self._mesh)
         moments = self._mesh[self.filled : last]
-        nodes = old + width * NODES if self._delay else NODES[:0]
+        nodes = old + width * NODES if isinstance(self._line, DelayLine) else NODES[:0]
         if len(nodes) or len(moments):
             within = solver.dense_output()(np.concatenate([nodes, moments])).T
-            if self._delay:
+            if isinstance(self._line, DelayLine):
                 wind = np.array([self._disturbed[1](self._inside(t)) for t in nodes.tolist()])
                 self._line.fill(old, new, self._model.commands(within[: len(nodes)], wind))
+            if self._line is not None:
                 self.command[self.filled : last] = [self._line.out(self._inside(t)) for t in moments.tolist()]
             self.states[self.filled : last] = within[len(nodes) :]
         self.filled = last
@@ -199,7 +237,7 @@ def march(
     model: Model,
     start: Array,
     mesh: Array,
-    delay: float,
+    autopilot: Autopilot,
     disturbed: tuple[Disturbance, Disturbance],
     jumps: Array,
     longest: float,
@@ -211,14 +249,31 @@ def march(
 
     Args:
         model: the equations. start: (size,). mesh: (T,), s, from 0 on.
-        delay: s. disturbed: engine command in rad and wind in m/s over time. jumps: of the disturbances, s.
+        autopilot: its delay and sampling. disturbed: engine command in rad and wind in m/s over time.
+        jumps: of the disturbances, s.
         longest: step that sees every sign change, s. fastest: pole, rad/s.
         rtol, atol: error of a step, in parts of what each state has been lately and in its unit.
     """
-    marcher = Marcher(model, start, mesh, delay, disturbed, longest, fastest, rtol, atol)
-    first = np.append(jumps, 0.0)  # the vehicle is let go
-    echoes = (first[:, None] + delay * np.arange(ECHOES + 1)).ravel() if delay else first
-    ends = np.unique(np.append(echoes[(echoes > 0.0) & (echoes < mesh[-1])], mesh[-1]))
-    stopped = next((why for why in map(marcher.stretch, ends.tolist()) if why), "")
+    marcher = Marcher(model, start, mesh, autopilot, disturbed, longest, fastest, rtol, atol)
+    delay, end = float(autopilot.delay), float(mesh[-1])
+    samples: Array = np.zeros(0)
+    if autopilot.sample_time is not None:
+        samples = autopilot.sample_time * np.arange(np.floor(end / autopilot.sample_time) + 1.0)
+        ends = np.concatenate([jumps, samples, samples + delay])
+    else:
+        first = np.append(jumps, 0.0)  # the vehicle is let go
+        ends = (first[:, None] + delay * np.arange(ECHOES + 1)).ravel() if delay else first
+    ends = np.unique(np.append(ends[(ends > 0.0) & (ends < end)], end))
+    if len(samples):  # what rounding has set apart is one
+        ends = ends[np.append(np.diff(ends) > EDGE * samples[-1] / len(samples), True)]
+    taken, stopped = 0, ""
+    for stop in (0.0, *ends.tolist()):
+        if stop > 0.0:
+            stopped = marcher.stretch(stop)
+        if stopped:
+            break
+        if taken < len(samples) and samples[taken] <= stop * (1.0 + 1e-12) + 1e-12:
+            marcher.sample()
+            taken += 1
     count = marcher.filled
     return March(state=marcher.states[:count], command=marcher.command[:count], stopped=stopped, steps=marcher.steps)

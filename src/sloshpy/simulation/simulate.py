@@ -142,7 +142,7 @@ def simulate(
     """
     _refuse(case, duration, step, engine, wind)
     loop = open_loop(case, damping)
-    delay, fastest = float(loop.autopilot.delay), _fastest(loop, duration)
+    fastest = _fastest(loop, duration)
     slosh = float(np.max(loop.plant.tank_frequency, initial=0.0))
     longest = LONGEST_STEP / slosh if slosh else duration
     model = Model(loop, case, None if damping is None else loop.damping)
@@ -151,12 +151,14 @@ def simulate(
     h = min(_spacing(slosh, case), step or duration)
     mesh: Array = h * np.arange(int(np.ceil(duration / h)) + 1, dtype=float)
     jumps = np.concatenate([np.zeros(0), *(signal.jumps for signal in (engine, wind) if signal is not None)])
+    pilot = loop.autopilot
     ran = march(
-        model, start, mesh, delay, (_over(engine, mesh[-1]), _over(wind, mesh[-1])), jumps, longest, fastest, rtol, atol
+        model, start, mesh, pilot, (_over(engine, mesh[-1]), _over(wind, mesh[-1])), jumps, longest, fastest, rtol, atol
     )
     count = len(ran.state)
     states, time = model.held(ran.state), mesh[:count]
-    command = ran.command if delay else model.commands(states, _at(wind, time))
+    late = bool(pilot.delay) or pilot.sample_time is not None
+    command = ran.command if late else model.commands(states, _at(wind, time))
     return TimeHistory(
         case=case,
         time=time,
@@ -185,9 +187,11 @@ def _refuse(case: Case, duration: float, step: float | None, engine: Signal | No
 
 def _fastest(loop: Loop, duration: float) -> float:
     """Return the fastest pole in rad/s, or refuse a run of too many steps."""
-    bare = loop.autopilot.model_copy(update={"delay": 0.0})
-    fastest = float(np.max(np.abs(np.linalg.eigvals(system_matrix(replace(loop, autopilot=bare))[0]))))
-    for h, cause in ((STABLE / fastest, "the fastest pole"), (float(loop.autopilot.delay) or np.inf, "the delay")):
+    prompt = replace(loop, autopilot=loop.autopilot.prompt)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(system_matrix(prompt)[0]))))
+    period, delay = loop.autopilot.sample_time, float(loop.autopilot.delay)
+    slow = (period, "the sample time") if period is not None else (delay or np.inf, "the delay")
+    for h, cause in ((STABLE / fastest, "the fastest pole"), slow):
         if duration / h > MOST_STEPS:
             raise ValueError(
                 f"{duration:g} s in steps of {h:.3g} s, which {cause} asks for, are more than {MOST_STEPS:.0e} steps"
