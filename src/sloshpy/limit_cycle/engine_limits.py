@@ -22,6 +22,7 @@ STEPS = 400  # of one period at least
 PERIODS = 40  # after which an answer that has not repeated is taken as it is
 SETTLED = 1e-9
 LEAST = 1e-9  # of kappa: a loop that a dead band opens keeps a trace of gain, so that its command can be read
+GAP = 4  # amplitudes in turn without a mode after which the branch is over: each costs many trials
 POINTS = 140  # amplitudes followed, evenly in their logarithm
 
 
@@ -75,11 +76,13 @@ def limited_modes(case: Case, tank: int, amplitude: Array) -> list[LimitedMode |
     near = follower.small(pole, float(amplitude[0]))
     found: list[LimitedMode | None] = []
     kappa = complex(start)
+    lost = 0
     for a in amplitude:
-        one = limited_mode(case, loop, tank, float(a), near, kappa)
+        one = None if lost == GAP else limited_mode(case, loop, tank, float(a), near, kappa)
         found.append(one)
+        lost = min(lost + 1, GAP)
         if one is not None:
-            near, kappa = one.mode, one.kappa
+            near, kappa, lost = one.mode, one.kappa, 0
     return found
 
 
@@ -122,6 +125,7 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
             if np.max(np.abs(lacking(result.x))) > 1e-6:
                 continue
             solution = result.x
+        latest[0] = near  # the answer must be that of the mode before, not of another branch met on the way
         k, mode, command = read(solution)
         if mode is not None:
             peak = actuator_factor(actuator, command, mode.pole.imag)[1]
