@@ -66,9 +66,10 @@ def test_the_rows_of_a_damping_table_are_no_batch():
 
 
 def test_simulations_of_a_batch_equal_single_runs_and_shorter_ones_are_filled_up():
-    runs = for_each(lambda case: simulate(case, 20.0), paper_case(delay=DELAYS[:, 0]))
+    durations = np.array([20.0, 15.0])
+    runs = for_each(simulate, paper_case(delay=DELAYS[:, 0]), durations)
     for k, delay in enumerate(DELAYS[:, 0]):
-        np.testing.assert_array_equal(runs[k].slosh, simulate(paper_case(delay=delay), 20.0).slosh)
+        np.testing.assert_array_equal(runs[k].slosh, simulate(paper_case(delay=delay), durations[k]).slosh)
     times = runs.values("time")
     longest = max(len(run.time) for run in runs)
     assert times.shape == (2, longest)
