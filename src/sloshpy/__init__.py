@@ -18,6 +18,7 @@ The public names, in reading order; each is loaded when it is first used.
                  degradation_map
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
+    flight       assess_flight, Phase, Trajectory
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -112,6 +113,7 @@ _ROOMS = {
         "Noise",
     ),
     "assess": ("assess", "Assessment"),
+    "flight": ("Phase", "Trajectory", "assess_flight", "FlightAssessment"),
     "plots": (
         "plot_bode",
         "plot_damping_law",

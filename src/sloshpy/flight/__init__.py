@@ -1,0 +1,9 @@
+"""A flight: the same questions along a trajectory, growth along it, and the damping it asks of each tank."""
+
+from sloshpy.flight.assess_flight import FlightAssessment, assess_flight
+from sloshpy.flight.phase_review import PhaseReview
+from sloshpy.flight.trajectory import Phase, Trajectory
+from sloshpy.flight.windows import GrowthWindow
+from sloshpy.flight.worst import Worst
+
+__all__ = ["FlightAssessment", "GrowthWindow", "Phase", "PhaseReview", "Trajectory", "Worst", "assess_flight"]
