@@ -18,7 +18,7 @@ The public names, in reading order; each is loaded when it is first used.
                  degradation_map
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
-    flight       assess_flight, Phase, Trajectory
+    flight       read_flight, assess_flight, Phase, Trajectory
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -67,6 +67,7 @@ _ROOMS = {
         "read_time_history",
         "damping_line",
         "read_fill_table",
+        "read_flight",
         "write_fill_history",
         "write_case",
         "case_schema",
