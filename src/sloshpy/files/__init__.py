@@ -11,6 +11,7 @@ from sloshpy.files.examples import (
 from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.fill_history import read_fill_table, write_fill_history
 from sloshpy.files.flight_file import read_flight
+from sloshpy.files.requirement_table import write_requirement
 from sloshpy.files.schema import case_schema
 from sloshpy.files.tables import read_damping_table
 from sloshpy.files.tank_file import read_tank
@@ -36,4 +37,5 @@ __all__ = [
     "write_case",
     "write_example",
     "write_fill_history",
+    "write_requirement",
 ]

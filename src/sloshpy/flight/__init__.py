@@ -2,8 +2,19 @@
 
 from sloshpy.flight.assess_flight import FlightAssessment, assess_flight
 from sloshpy.flight.phase_review import PhaseReview
+from sloshpy.flight.requirement import DampingRequirement, damping_requirement
 from sloshpy.flight.trajectory import Phase, Trajectory
 from sloshpy.flight.windows import GrowthWindow
 from sloshpy.flight.worst import Worst
 
-__all__ = ["FlightAssessment", "GrowthWindow", "Phase", "PhaseReview", "Trajectory", "Worst", "assess_flight"]
+__all__ = [
+    "DampingRequirement",
+    "FlightAssessment",
+    "GrowthWindow",
+    "Phase",
+    "PhaseReview",
+    "Trajectory",
+    "Worst",
+    "assess_flight",
+    "damping_requirement",
+]

@@ -83,6 +83,31 @@ class PhaseReview:
         return np.stack([one.required for one in self.required], axis=-1)
 
     @property
+    def cg(self) -> Array:
+        """Station of the c.g., (T,), m forward of the gimbal."""
+        return np.broadcast_to(np.asarray(self.phase.case.vehicle.cg, dtype=float), self.time.shape)
+
+    @property
+    def percussion_station(self) -> Array:
+        """Station of the centre of percussion, the forward bound of the danger zone, (T,), m."""
+        return np.asarray(self.cg - self.zones[0].forward)
+
+    @property
+    def aft_station(self) -> Array:
+        """Station of the aft bound of each tank's danger zone, (T, n_tanks), m."""
+        return np.stack([self.cg - zone.aft for zone in self.zones], axis=-1)
+
+    @property
+    def slosh_station(self) -> Array:
+        """Station of each slosh mass, (T, n_tanks), m."""
+        return np.stack([self.cg - zone.l for zone in self.zones], axis=-1)
+
+    @property
+    def within_zone(self) -> Array:
+        """1 where a slosh mass lies in its danger zone, 0 where not, nan where the closed form is refused."""
+        return np.stack([zone.within for zone in self.zones], axis=-1)
+
+    @property
     def slosh_limit(self) -> Array:
         """Largest slosh that the model describes, (T, n_tanks), m: 15 % of the radius; nan without one."""
         rows = [
