@@ -18,8 +18,8 @@ The public names, in reading order; each is loaded when it is first used.
                  degradation_map
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
-    flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures;
-                 Phase, Trajectory
+    flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures,
+                 growth_along, simulate_flight, check_growth; Phase, Trajectory
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -116,7 +116,16 @@ _ROOMS = {
         "Noise",
     ),
     "assess": ("assess", "Assessment"),
-    "flight": ("Phase", "Trajectory", "assess_flight", "FlightAssessment", "damping_requirement"),
+    "flight": (
+        "Phase",
+        "Trajectory",
+        "assess_flight",
+        "FlightAssessment",
+        "damping_requirement",
+        "growth_along",
+        "simulate_flight",
+        "check_growth",
+    ),
     "plots": (
         "plot_bode",
         "plot_damping_law",

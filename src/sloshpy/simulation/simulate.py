@@ -133,7 +133,7 @@ def simulate(
     for noise in (engine, wind):
         if isinstance(noise, Noise) and duration > noise.period:
             raise ValueError(f"the noise repeats after {noise.period:.0f} s: give it more lines or run shorter")
-    h, lag = _step(loop, step)
+    h, lag = step_and_lag(loop, step)
     if duration / h > MOST_STEPS:
         cause = "the delay" if lag == 1 else "the fastest pole"
         raise ValueError(
@@ -194,7 +194,7 @@ def _is_linear(case: Case, damping: Real | None) -> bool:
     return not limited and (damping is not None or constant)
 
 
-def _step(loop: Loop, most: float | None) -> tuple[float, int]:
+def step_and_lag(loop: Loop, most: float | None) -> tuple[float, int]:
     """Return the step in s and the delay in whole steps."""
     if most is not None and not most > 0.0:
         raise ValueError(f"step must be > 0 s, is {most:g} s")
