@@ -66,3 +66,22 @@ def test_faults_of_the_flight_end_with_status_2_and_their_rows(ascent, capsys):
     assert "second_stage.csv:5: vehicle.mass" in told
     assert "Cure:" in told
     assert run("flight", str(ascent), "--every", "0") == 2
+
+
+def test_the_growth_of_a_mode_is_printed_with_its_simulation_and_drawn(ascent, capsys):
+    shortened(ascent)
+    words = ["--tank", "upper LOX", "--end", "180 s", "-o", "growth.png"]
+    assert run("flight-growth", str(ascent), *words) == 0
+    said = capsys.readouterr().out
+    assert "upper LOX slosh from 0.01 m at 155 s" in said
+    assert float(said.split("they differ by ")[1].split(" %")[0]) < 1.0
+    assert Path("growth.png").stat().st_size > 10_000
+    assert run("flight-growth", str(ascent), "--phase", "third stage") == 2
+    assert "is no phase of the flight" in capsys.readouterr().err
+
+
+def test_the_requirement_and_the_figures_are_written(ascent, capsys):
+    shortened(ascent)
+    assert run("flight", str(ascent), "--linear", "--requirement", "need.csv", "--figures", "figures") == 0
+    assert Path("need-upper_LOX.csv").read_text().startswith("# damping required of upper LOX")
+    assert len(list(Path("figures").iterdir())) == 5  # no limit cycles

@@ -142,6 +142,7 @@ _ROOMS = {
         "plot_flight_margins",
         "plot_free_decay",
         "plot_growth",
+        "plot_growth_check",
         "plot_limit_cycle",
         "plot_mode_tracks",
         "plot_nichols",

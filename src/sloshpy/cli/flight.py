@@ -1,4 +1,4 @@
-"""Commands about a flight: every time of it assessed."""
+"""Commands about a flight: every time of it assessed, and the growth of a slosh mode along it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,9 +6,16 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sloshpy.cli.app import app
-from sloshpy.cli.options import refused, writable
+from sloshpy.cli.options import Output, Tank, figure_path, quantity, refused, save, tank_of, writable
 from sloshpy.files import read_flight, write_requirement
-from sloshpy.flight import FlightAssessment, Trajectory, assess_flight, damping_requirement
+from sloshpy.flight import (
+    FlightAssessment,
+    Trajectory,
+    assess_flight,
+    check_growth,
+    damping_requirement,
+    growth_along,
+)
 
 FlightFile = Annotated[Path, Parameter(help="flight file (TOML), its tables beside it")]
 
@@ -45,6 +52,34 @@ def flight(
         for path in write_flight_figures(result, figures):
             print(f"figure: {path}")
     return 0 if result.verdict in {"pass", "linear"} else 1
+
+
+@app.command
+def flight_growth(
+    file: FlightFile,
+    *,
+    phase: Annotated[str | None, Parameter(help="name of the phase; default: the first")] = None,
+    tank: Tank = None,
+    amplitude: Annotated[str, Parameter(help="slosh at the start")] = "0.01 m",
+    start: Annotated[str | None, Parameter(help="time of flight at the start; default: that of the phase")] = None,
+    end: Annotated[str | None, Parameter(help="time of flight at the end; default: that of the phase")] = None,
+    output: Output = None,
+) -> int:
+    """Print how a slosh mode grows along a phase of a flight, and draw it against the nonlinear simulation."""
+    from sloshpy import plots  # matplotlib: only when something is drawn
+
+    trajectory, path = read_flight(file), figure_path(file, output, "growth")
+    names = [one.name for one in trajectory]
+    if phase is not None and phase not in names:
+        raise refused("--phase", phase, "is no phase of the flight", f"one of {', '.join(names)}")
+    own = trajectory.phases[0 if phase is None else names.index(phase)]
+    ends = [
+        None if text is None else quantity(option, text, "s") for option, text in (("--start", start), ("--end", end))
+    ]
+    growth = growth_along(own, tank_of(own.case, tank), quantity("--amplitude", amplitude, "m"), *ends)
+    check = check_growth(growth)
+    print(check)
+    return save(plots.plot_growth_check(check), path)
 
 
 def assessed(trajectory: Trajectory, cycles: int) -> FlightAssessment:

@@ -6,6 +6,7 @@ from sloshpy.plots.damping_sweep import plot_damping_sweep
 from sloshpy.plots.danger_zone import plot_danger_zone
 from sloshpy.plots.danger_zones import plot_danger_zones
 from sloshpy.plots.degradation_map import plot_degradation_map
+from sloshpy.plots.flight_check import plot_growth_check
 from sloshpy.plots.flight_growth import plot_flight_growth
 from sloshpy.plots.flight_loop import plot_flight_frequencies, plot_flight_margins
 from sloshpy.plots.flight_tanks import plot_flight_cycles, plot_flight_damping, plot_flight_danger_zone
@@ -38,6 +39,7 @@ __all__ = [
     "plot_flight_margins",
     "plot_free_decay",
     "plot_growth",
+    "plot_growth_check",
     "plot_limit_cycle",
     "plot_mode_tracks",
     "plot_nichols",
