@@ -116,6 +116,17 @@ def test_no_number_is_interpolated_across_an_event(folder):
     assert second.case.vehicle.mass[1] == pytest.approx(12e3 - 0.4 * 400.0)
 
 
+def test_an_event_is_found_in_milliseconds_too(folder):
+    text = FLIGHT.replace('"0 s"', '"0.07 s"').replace('"20 s"', '"20.07 s"')
+    (folder / "flight.toml").write_text(text)
+    rows = [line.split(",", 1) for line in TABLE.splitlines()[2:]]
+    moved = [f"{1000 * float(time) + 70 * (time != '30'):g},{rest}" for time, rest in rows]
+    (folder / "burns.csv").write_text("\n".join(["t [ms],m [t],a0,note,F [kN]", *moved]))
+    first, second = read_flight(folder / "flight.toml").phases
+    assert first.case.vehicle.mass[-1] == pytest.approx(15e3)
+    assert second.case.vehicle.mass[0] == pytest.approx(12e3)
+
+
 def test_a_monotone_cubic_stays_within_its_neighbours_and_sees_its_own_phase_only(folder):
     (folder / "flight.toml").write_text(FLIGHT.replace('"linear"', '"pchip"'))
     mass = read_flight(folder / "flight.toml").phases[0].case.vehicle.mass

@@ -12,7 +12,7 @@ from sloshpy.files.history_grid import read_csv, read_xlsx
 from sloshpy.files.history_mat import read_mat
 from sloshpy.files.history_netcdf import read_netcdf
 from sloshpy.tank import Tank
-from sloshpy.units import Array, UnitError, parse
+from sloshpy.units import Array, BoolArray, UnitError, parse
 
 Reader = Callable[[FilePath, tuple[str, str]], tuple[HistoryColumn, HistoryColumn]]
 _READERS: dict[str, Reader] = {
@@ -60,7 +60,7 @@ class FlightTable:
         """
         rows = []
         for when, side, last in ((start, "start", True), (end, "end", False)):
-            at = np.flatnonzero(self.time == when)
+            at = np.flatnonzero(_same(self.time, when))
             if not len(at):
                 near = float(self.time[np.argmin(np.abs(self.time - when))])
                 raise InputError(
@@ -164,6 +164,11 @@ def _in_si(path: FilePath, column: HistoryColumn, wanted: Wanted) -> Array:
         raise refused(error.rule, error.cure) from None
 
 
+def _same(time: Array, when: float) -> BoolArray:
+    """Return which times are one time, to the rounding of its unit."""
+    return np.asarray(np.isclose(time, when, rtol=1e-12, atol=1e-9))
+
+
 def _times(table: FlightTable, events: Sequence[float]) -> list[Problem]:
     """Return what is wrong with the order of the rows."""
     found = []
@@ -172,7 +177,7 @@ def _times(table: FlightTable, events: Sequence[float]) -> list[Problem]:
         shown, before = f"{t[k]:g} s", f"{t[k - 1]:g} s in line {table.line[k - 1]}"
         if t[k] < t[k - 1]:
             found.append(table.problem(k, "time", f"must increase, but follows {before}", "sort the rows", shown))
-        elif float(t[k]) not in events:
+        elif not np.any(_same(np.array(events), float(t[k]))):
             rule, cure = f"stands twice, first in line {table.line[k - 1]}", "declare an event there, or drop one row"
             found.append(table.problem(k, "time", rule, cure, shown))
         elif k > 1 and t[k - 2] == t[k]:

@@ -110,7 +110,7 @@ def damping_requirement(result: FlightAssessment, tank: str) -> DampingRequireme
         flight=result.trajectory.name,
         tank=tank,
         criterion="; ".join(criteria),
-        assumptions=_assumptions(result),
+        assumptions=_assumptions(result, tank),
         phase=tuple(r.phase.name for r, _ in own for _ in r.time),
         time=joined([r.time for r, _ in own]),
         fill=joined([r.phase.fill[:, j] for r, j in own if r.phase.fill is not None]),
@@ -130,8 +130,9 @@ def _held(tanks: tuple[str, ...], held: Array, own: int) -> str:
     return "; ".join(f"{name} {100.0 * held[j]:.4g} %" for j, name in enumerate(tanks) if j != own)
 
 
-def _assumptions(result: FlightAssessment) -> tuple[str, ...]:
-    notes = dict.fromkeys(f"{phase.name}: {note}" for phase in result.trajectory for note in phase.notes)
+def _assumptions(result: FlightAssessment, tank: str) -> tuple[str, ...]:
+    phases = [phase for phase in result.trajectory if tank in phase.tanks]
+    notes = dict.fromkeys(f"{phase.name}: {note}" for phase in phases for note in phase.notes)
     return (
         "required: least ratio above which, for every larger one up to critical, the loop is stable and every disc "
         "margin related to this tank meets the criterion; nan where there is none",

@@ -21,9 +21,12 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
     ax.plot(growth.time, growth.amplitude, color=ALARM, linewidth=2.2, label="predicted amplitude")
     ax.plot(growth.time, -growth.amplitude, color=ALARM, linewidth=2.2)
     ax.set_xlim(growth.time[0], growth.time[-1])
+    most = 1.3 * growth.amplitude[growth.greatest]
+    ax.set_ylim(-most, most)
     legend(ax, 2, "upper left")
     message = (
-        f"{growth.tank} slosh grows {growth.factor:.3g}-fold in the {growth.phase.name}; "
+        f"{growth.tank} slosh reaches {growth.amplitude[growth.greatest]:.3g} m at "
+        f"{growth.time[growth.greatest]:.0f} s; "
         f"prediction and simulation differ by {100.0 * check.worst:.2g} % at most"
     )
     finish(ax, message, TIME, "Slosh [m]")

@@ -34,7 +34,7 @@ def plot_flight_damping(result: FlightAssessment, ax: Axes | None = None) -> Axe
     ax.set_ylim(-0.02 * most, 1.1 * most)
     mark_events([ax], result)
     legend(ax, 2 * len(tanks))
-    finish(ax, _damping_message(result), TIME, "Slosh damping [%]")
+    finish(ax, _damping_message(result), TIME, "Slosh damping [%], has: at the reference amplitude")
     return ax
 
 
