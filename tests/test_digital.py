@@ -18,8 +18,8 @@ from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth
 from sloshpy.dynamics.sampled import sampled_loop
 from sloshpy.errors import OutsideValidity
 from sloshpy.files import case_schema, from_control, read_case, to_control, write_case
-from sloshpy.limit_cycle import periodic_orbit, predict_limit_cycle
-from sloshpy.simulation import simulate_ensemble
+from sloshpy.limit_cycle import limit_cycles, periodic_orbit, predict_limit_cycle
+from sloshpy.simulation import simulate, simulate_ensemble
 from sloshpy.stability import danger_zone, loop_margins, margins, required_damping, root_locus
 from sloshpy.stability.danger_zone import phase_lead
 from sloshpy.stability.folding import folding
@@ -258,3 +258,28 @@ def test_the_root_locus_passes_the_sampled_poles():
     closed = root_locus(case, 0.02).closed
     for pole in s[(s.imag > 0.0) & (s.imag < 5.0)]:
         assert np.min(np.abs(closed - pole)) < 1e-4
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.013, 0.06])
+def test_a_simulation_follows_the_sampled_loop_from_sample_to_sample(delay):
+    T = 0.04
+    engine = Actuator(frequency=25.0, damping=0.7)
+    case = with_autopilot(
+        paper_case(xi(0.02)), sample_time=T, delay=delay, digital_filter=(LEAD, NOTCH), actuator=engine
+    )
+    run = simulate(case, 12.0, 0.1, step=T, rtol=1e-10)
+    poles = sampled_loop(open_loop(case)).poles
+    coefficients = np.poly(poles)
+    N = len(coefficients)
+    for signal in (run.slosh[:, 0], run.attitude):
+        residual = [coefficients @ signal[k - N + 1 : k + 1][::-1] for k in range(2 * N, len(signal))]
+        assert np.max(np.abs(residual)) < 1e-7 * np.max(np.abs(signal))
+
+
+def test_the_limit_cycle_of_a_digital_loop_is_the_simulated_one():
+    engine = Actuator(frequency=25.0, damping=0.7)
+    case = with_autopilot(paper_case(), sample_time=0.04, delay=0.013, digital_filter=(LEAD,), actuator=engine)
+    (cycle,) = limit_cycles(case)
+    run = simulate(case, 200.0, 0.2)
+    assert run.slosh_envelope().amplitude == pytest.approx(cycle.slosh_amplitude["LOX"], rel=1e-3)
+    assert run.tvc_envelope.amplitude == pytest.approx(cycle.tvc_amplitude, rel=5e-3)

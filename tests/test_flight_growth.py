@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from sloshpy.autopilot import Autopilot
 from sloshpy.case import Case
@@ -72,10 +73,11 @@ def test_the_amplitude_ends_at_the_limit_cycle_of_a_flight_that_stands_still(upp
 def test_a_simulation_that_stands_still_is_the_simulation_of_the_case(upper_stage):
     late = upper_stage.model_copy(update={"autopilot": upper_stage.autopilot.model_copy(update={"delay": 0.03})})
     phase = Phase(name="still", time=np.array([0.0, 7.0, 30.0]), case=late)
-    here, there = simulate_flight(phase, np.array([0.05])), simulate(late, 30.0, 0.05)
-    assert here.step == there.step
-    assert here.slosh == pytest.approx(there.slosh, abs=1e-12)
-    assert here.tvc == pytest.approx(there.tvc, abs=1e-12)
+    here, there = simulate_flight(phase, np.array([0.05]), step=0.01), simulate(late, 30.0, 0.05)
+    slosh, tvc = (CubicSpline(here.time, x)(there.time) for x in (here.slosh[:, 0], here.tvc))
+    inside = there.time > 0.1  # the delay's first value is a step
+    assert slosh[inside] == pytest.approx(there.slosh[inside, 0], abs=1e-6)
+    assert tvc[inside] == pytest.approx(there.tvc[inside], abs=1e-6)
 
 
 def test_the_simulation_of_a_burn_is_that_of_its_equations_written_out(upper_stage):

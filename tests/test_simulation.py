@@ -113,7 +113,8 @@ def test_rate_limit_is_respected():
     case = paper_case(actuator=Actuator(frequency=20.0, damping=0.7, rate_limit=limit))
     run = simulate(case, duration=40.0, initial_slosh=0.5, step=0.005)
     rate = np.abs(np.diff(run.tvc) / np.diff(run.time))
-    assert rate.max() <= limit * (1 + 1e-6)
+    # two samples of the angle, each good to the integrator's 1e-6 of its greatest
+    assert rate.max() <= limit + 2e-6 * np.abs(run.tvc).max() / run.step
     free = simulate(paper_case(actuator=Actuator(frequency=20.0, damping=0.7)), duration=40.0, initial_slosh=0.5)
     assert np.abs(np.diff(free.tvc) / np.diff(free.time)).max() > 2 * limit
 
@@ -122,7 +123,7 @@ def test_unlimited_limits_change_nothing():
     base = Actuator(frequency=20.0, damping=0.7)
     wide = Actuator(frequency=20.0, damping=0.7, deflection_limit=1.0, rate_limit=10.0)
     one, two = (simulate(paper_case(actuator=a), duration=20.0, step=0.01) for a in (base, wide))
-    np.testing.assert_array_equal(one.tvc, two.tvc)
+    np.testing.assert_allclose(one.tvc, two.tvc, atol=1e-12 * np.abs(one.tvc).max(), rtol=0.0)
 
 
 def test_a_table_that_starts_above_zero_has_no_force():
@@ -146,12 +147,13 @@ def test_a_run_that_leaves_a_formula_stops_where_the_same_formula_without_an_end
     assert run.stopped.startswith("beyond the damping data at ")
     assert not run.slosh_envelope().settled
     k = len(run.time)
-    np.testing.assert_array_equal(run.slosh, free.slosh[:k])
+    # where the last step is tried beyond the end it is cut, which moves a run by the error of a step
+    np.testing.assert_allclose(run.slosh, free.slosh[:k], atol=1e-6)
     speed = np.abs(np.gradient(free.slosh[:, 0], free.time))
     assert np.max(speed[: k - 2]) < 2.0 * 0.3
     assert np.max(speed[: k + 2]) > 0.99 * 2.0 * 0.3
     within = simulate(paper_case(PowerDamping(slope=0.1, largest_amplitude=0.6), **degraded), 300.0, 0.05)
-    np.testing.assert_array_equal(within.slosh, free.slosh)
+    np.testing.assert_allclose(within.slosh, free.slosh, atol=1e-6)
 
 
 def test_power_law_in_time_equals_its_table_in_time():

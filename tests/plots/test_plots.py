@@ -16,7 +16,7 @@ from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve, limit_cycles
 from sloshpy.plots.style import SMALL
-from sloshpy.simulation import TimeHistory, simulate_degraded
+from sloshpy.simulation import TimeHistory, simulate, simulate_degraded
 from sloshpy.stability import (
     DampingSweep,
     damping_law_curve,
@@ -225,3 +225,13 @@ def test_the_range_in_which_a_law_holds_is_shaded(case: Case, law: PowerDamping,
     assert shaded == ([pytest.approx(known)] if known else [])
     words = [text.get_text() for text in ax.texts]
     assert words.count("unknown") == (0 if known is None else 1 + (known[0] > 0.0))
+
+
+def test_a_motion_that_dies_down_is_titled_by_its_peak_and_what_is_left(case: Case) -> None:
+    run = simulate(case, 60.0, 0.2, damping=0.05)
+    z = np.abs(run.slosh[:, 0])
+    share = max(np.max(z[run.time > 54.0]) / 0.2, np.max(np.abs(run.tvc[run.time > 54.0])) / np.max(np.abs(run.tvc)))
+    assert run.left == pytest.approx(share, rel=0.1)
+    words = title(plots.plot_time_history(run)[0])
+    assert words.startswith("Peaks at 0.2 m of LOX slosh")
+    assert f"dies down to {100.0 * run.left:.2g} % of that within 60 s" in words

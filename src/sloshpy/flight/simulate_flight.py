@@ -9,20 +9,20 @@ term. Left out: the jet damping of the engine (it damps attitude), the flow in t
 c.g. through the structure where Z' itself is a state (aerodynamics), of the order of its speed times phi'.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sloshpy.dynamics import open_loop
+from sloshpy.dynamics import Loop, open_loop
 from sloshpy.dynamics.poles import controller, system_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.flight.growth_along import FlightGrowth, slosh_rows
 from sloshpy.flight.trajectory import Phase
 from sloshpy.simulation.model import Model
-from sloshpy.simulation.simulate import DIVERGED, MOST_STEPS, step_and_lag
 from sloshpy.units import Array
 
-STILL = np.zeros(2)  # no disturbance
+DIVERGED = 1e3  # m or rad: far beyond any model of this package
+MOST_STEPS = 5e6  # some minutes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ def simulate_flight(
         phase: with a delay that does not change in it; without a sampler.
         initial: the state at the start, as of `mode_state`, or (n_tanks,), slosh displacements in m.
         start, end: s, within the phase; default: its ends.
-        step: s, at most; default: as `simulate` takes it, for the fastest of the phase's times.
+        step: s, at most; default: 0.6 of the fastest pole's radian and a tenth of the fastest slosh radian.
 
     Raises:
         OutsideValidity: a delay that changes, a sampler, a time outside the phase.
@@ -72,7 +72,7 @@ def simulate_flight(
     if np.ptp(np.asarray(phase.case.autopilot.delay)) > 0.0 or phase.case.autopilot.sample_time is not None:
         raise OutsideValidity("a flight is simulated with a constant delay in each phase and without a sampler")
     loops = [open_loop(case) for case in phase.cases]
-    choices = [step_and_lag(loop, step) for loop in loops]
+    choices = [_step_and_lag(loop, step) for loop in loops]
     h, lag = min(choices)
     if (t1 - t0) / h > MOST_STEPS:
         raise ValueError(f"{t1 - t0:g} s in steps of {h:.3g} s are more than {MOST_STEPS:.0e} steps")
@@ -92,8 +92,9 @@ def simulate_flight(
 
     def slope(t: float, x: Array, delayed: float) -> Array:
         k, part = phase.place(min(t, float(phase.time[-1])))
-        found = (1.0 - part) * models[k].slope(x, delayed, lag, STILL)
-        found += part * models[k + 1].slope(x, delayed, lag, STILL)
+        command = delayed if lag else None
+        found = (1.0 - part) * models[k].slope(x, command, 0.0, 0.0)
+        found += part * models[k + 1].slope(x, command, 0.0, 0.0)
         found[velocity] -= loss[k] * x[velocity]
         return found
 
@@ -107,10 +108,13 @@ def simulate_flight(
         if n < lag:
             delayed = (0.0, 0.0, 0.0)
         k1 = slope(t, x, delayed[0])
-        angle[n] = models[k].engine(x, delayed[0], lag, STILL)
+        here = _command(models, k, part, x)
+        at = np.array([delayed[0] if lag else here])
+        angle[n] = float((1.0 - part) * models[k].engine(x[None], at)[0] + part * models[k + 1].engine(x[None], at)[0])
         if lag:
-            line[n + lag] = (1.0 - part) * models[k].command(x) + part * models[k + 1].command(x)
-            slopes[n + lag] = models[k].command_slope(x, k1, h)
+            small = 1e-3 * h * k1
+            after, before = (_command(models, k, part, x + sign * small) for sign in (1.0, -1.0))
+            line[n + lag], slopes[n + lag] = here, (after - before) / (2e-3 * h)
             if lag == 1 and n > 0:
                 delayed = (old[0], 0.5 * (old[0] + line[n + 1]) + h / 8.0 * (old[1] - slopes[n + 1]), line[n + 1])
         if n == steps:
@@ -118,7 +122,7 @@ def simulate_flight(
         k2 = slope(t + 0.5 * h, x + 0.5 * h * k1, delayed[1])
         k3 = slope(t + 0.5 * h, x + 0.5 * h * k2, delayed[1])
         k4 = slope(t + h, x + h * k3, delayed[2])
-        x = models[k].stopped(x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4))
+        x = models[k].held(x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4))
         if not float(np.max(np.abs(x))) < DIVERGED:
             stopped = f"{'beyond the damping data' if np.any(np.isnan(x)) else 'diverged'} at {t + h:.1f} s"
             count = n + 1
@@ -131,6 +135,25 @@ def simulate_flight(
         step=h,
         stopped=stopped,
     )
+
+
+def _command(models: list[Model], k: int, part: float, x: Array) -> float:
+    """Return the engine command before the delay, rad, between two times of the phase."""
+    none = np.zeros(1)
+    one, other = (float(models[i].commands(x[None], none)[0]) for i in (k, k + 1))
+    return (1.0 - part) * one + part * other
+
+
+def _step_and_lag(loop: Loop, most: float | None) -> tuple[float, int]:
+    """Return the step in s, for the fastest pole and the slosh, and the delay in whole steps."""
+    if most is not None and not most > 0.0:
+        raise ValueError(f"step must be > 0 s, is {most:g} s")
+    prompt = replace(loop, autopilot=loop.autopilot.prompt)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(system_matrix(prompt)[0]))))
+    h = min(0.6 / fastest, 0.1 / float(np.max(loop.plant.tank_frequency)), most or np.inf)
+    delay = float(loop.autopilot.delay)
+    lag = int(np.ceil(delay / h))
+    return (delay / lag, lag) if lag else (h, 0)
 
 
 def mode_state(growth: FlightGrowth) -> Array:

@@ -92,35 +92,37 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
     assert actuator is not None
     bare = case.autopilot.actuator_alone
 
-    def read(k: complex) -> tuple[Mode | None, float]:
-        """Return the mode with an engine factor, and the command amplitude it asks for."""
-        mode = Follower(loop=_scaled(loop, k), laws=laws, tank=tank).at(a, near)
-        if mode is None:
-            return None, np.nan
-        linear = abs(complex(forward_transfer(bare, np.array(1j * mode.pole.imag))))
-        return mode, mode.tvc / (abs(k) * linear)
+    latest = [near]  # each answer starts the next, most differ little
 
-    def lacking(y: Array) -> Array:
+    def read(y: Array) -> tuple[complex, Mode | None, float]:
+        """Return an engine factor within its least, the mode with it and the command amplitude that it asks for."""
         k = complex(y[0], y[1])
         k = k if abs(k) > LEAST else complex(LEAST)
-        mode, command = read(k)
+        follower = Follower(loop=_scaled(loop, k), laws=laws, tank=tank)
+        mode = follower.at(a, latest[0])
+        if mode is None and latest[0] is not near:
+            mode = follower.at(a, near)
+        if mode is None:
+            return k, None, np.nan
+        latest[0] = mode
+        linear = abs(complex(forward_transfer(bare, np.array(1j * mode.pole.imag))))
+        return k, mode, mode.tvc / (abs(k) * linear)
+
+    def lacking(y: Array) -> Array:
+        _, mode, command = read(y)
         if mode is None:
             return np.array([1e3, 1e3])
         wanted, _ = actuator_factor(actuator, command, mode.pole.imag)
         return np.array([wanted.real - y[0], wanted.imag - y[1]])
 
     for begin in (kappa, complex(1.0), complex(0.5), complex(LEAST)):
-        start = np.array([begin.real, begin.imag])
-        if np.max(np.abs(lacking(start))) < 1e-12:
-            solution = start
-        else:
-            result = root(lacking, start, tol=1e-11)
+        solution = np.array([begin.real, begin.imag])
+        if np.max(np.abs(lacking(solution))) >= 1e-12:
+            result = root(lacking, solution, tol=1e-11)
             if np.max(np.abs(lacking(result.x))) > 1e-6:
                 continue
             solution = result.x
-        k = complex(solution[0], solution[1])
-        k = k if abs(k) > LEAST else complex(LEAST)
-        mode, command = read(k)
+        k, mode, command = read(solution)
         if mode is not None:
             peak = actuator_factor(actuator, command, mode.pole.imag)[1]
             return LimitedMode(mode=mode, command=command, peak=peak, kappa=k)

@@ -26,6 +26,7 @@ MOST_PAIRS = 32  # of harmonics on either side of a disturbance's own frequency
 WITNESS_PAIRS = 12
 NEUTRAL = 1e-7  # a multiplier nearer than this to the unit circle decides nothing
 LINE = 1e-5  # of the orbit's frequency: growth from which the witness counts, clear of the shift in time
+ROUNDING = 1e-14  # of Hill's matrix, which is near the identity
 FINE = 2**16  # samples of one period: the slope of a law has kinks, and its aliasing is the error of the multipliers
 
 
@@ -128,8 +129,12 @@ class _Hill:
     def loudest(self, mu: complex) -> float:
         """Return the frequency of the largest component of a root's disturbance, rad/s."""
         H = self.matrix(np.array(mu))[0]
-        vector = np.conj(np.linalg.svd(H)[2][-1]).reshape(len(self.offset), -1)
-        k = int(np.argmax(np.linalg.norm(vector, axis=-1)))
+        H = H + ROUNDING * np.eye(len(H))  # else a root met exactly leaves nothing to divide by
+        vector = np.ones(len(H), dtype=complex)
+        for _ in range(3):  # inverse iteration: the singular direction of H, a hundredth of the time of its svd
+            vector = np.linalg.solve(H, vector)
+            vector /= np.linalg.norm(vector)
+        k = int(np.argmax(np.linalg.norm(vector.reshape(len(self.offset), -1), axis=-1)))
         return abs(float((mu + self.offset[k]).imag))
 
     def right_half(self) -> int:

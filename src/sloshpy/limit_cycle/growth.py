@@ -21,6 +21,7 @@ from sloshpy.units import Array, ComplexArray
 if TYPE_CHECKING:
     import xarray as xr
 
+RELATED = 1e-3  # relative: how far beyond two points of a curve a limit cycle is still between them
 SMALL = 1e-7  # of the greatest amplitude: where a branch starts
 
 
@@ -55,6 +56,16 @@ class GrowthCurve:
     def folded(self) -> bool:
         """Whether the branch turns back in the amplitude of its own tank."""
         return bool(np.any(np.diff(self.amplitude) < 0.0))
+
+    def vanishes_at(self, amplitude: float, omega: float) -> bool:
+        """Whether the growth changes sign at an amplitude in m and a frequency in rad/s: a limit cycle of this mode."""
+        for a, pole in zip(itertools.pairwise(self.amplitude), itertools.pairwise(self.pole), strict=True):
+            W = [p.imag for p in pole]
+            changes = pole[0].real * pole[1].real <= 0.0
+            near = min(W) * (1.0 - RELATED) <= omega <= max(W) * (1.0 + RELATED)
+            if changes and near and min(a) * (1.0 - RELATED) <= amplitude <= max(a) * (1.0 + RELATED):
+                return True
+        return False
 
     def time_between(self, start: float, end: float) -> float:
         """Return the time in s that the mode takes from one amplitude in m to another, int da / (a sigma(a)).

@@ -52,7 +52,7 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
         mark_line(ax, float(vehicle.cg) - float(zone.forward), "centre of percussion", vertical=True, at=0.88)
         text = f"aft bound{'s' if len(bounds) > 1 else ''} (eq 23)"
         ax.annotate(
-            text, (min(bounds), 1.2 * top), (-5, 0), textcoords="offset points", fontsize=SMALL, ha="right", va="center"
+            text, (max(bounds), 1.2 * top), (5, 0), textcoords="offset points", fontsize=SMALL, ha="left", va="center"
         )
     finish(ax, _message(maps), "Station of the slosh mass, forward of the gimbal [m]", "Required slosh damping [%]")
     return ax

@@ -91,7 +91,20 @@ def _contours(ax: Axes, found: DegradationMap, z: "np.ma.MaskedArray[tuple[int, 
         ax.clabel(lines, fmt=lambda v: f"{v:g} mrad", fontsize=SMALL)
     if least < limit < most:
         bold = ax.contour(x, y, z, levels=[limit], colors=ALARM, linewidths=3.0)
-        ax.clabel(bold, fmt=lambda v: f"limit {v:.3g} mrad", fontsize=SMALL)
+        line = np.concatenate([path.vertices for path in bold.get_paths()])
+        low, left = line[int(np.argmin(line[:, 1]))]  # where it reaches lowest: away from the corner it may stand in
+        ax.annotate(
+            f"limit {limit:.3g} mrad",
+            (float(low), float(left)),
+            (-6, -4),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=SMALL,
+            fontweight="bold",
+            color=ALARM,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
+        )
     else:
         side = "below" if limit >= most else "above"
         text = f"every cell with a number is {side} the limit of {limit:.3g} mrad"

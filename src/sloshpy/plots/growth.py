@@ -15,13 +15,13 @@ def plot_growth(curve: GrowthCurve, cycles: Sequence[Cycle] = (), ax: Axes | Non
 
     Args:
         curve: result of `growth_curve`.
-        cycles: results of `limit_cycles`; those of other tanks are left out.
+        cycles: results of `limit_cycles`; those of other modes are left out.
         ax: where to draw; default: a new figure.
     """
     ax = axes_or_new(ax)
     known = np.isfinite(curve.growth)
     a, sigma = curve.amplitude[known], curve.growth[known]
-    own = [c for c in cycles if c.tank == curve.tank]
+    own = [c for c in cycles if curve.vanishes_at(c.slosh_amplitude[curve.tank], c.omega)]
     turn = int(np.argmax(a)) if len(a) else 0  # beyond it another tank takes the mode over
     radius = next((t.radius for t in curve.case.vehicle.tanks if t.name == curve.tank), None)
     wall = np.inf if radius is None else float(radius)  # no wave is as high as its tank is wide

@@ -9,6 +9,7 @@ from sloshpy.plots.style import ALARM, SMALL, curve_style, finish, mark_line, pa
 from sloshpy.simulation import Envelope, TimeHistory
 from sloshpy.units import Array
 
+DOWN = 0.1  # of the greatest motion: what is left of less has died down
 MOST_POINTS = 4000  # drawn for each signal; the figure is 500 points wide
 
 
@@ -57,11 +58,23 @@ def _message(history: TimeHistory) -> str:
         return f"The oscillation does not settle: {history.stopped}"
     parts = [(t.name, history.slosh_envelope(j)) for j, t in enumerate(history.case.vehicle.tanks)]
     engine = history.tvc_envelope
+    if history.left < DOWN:
+        return _dies_down(history)
     if not engine.settled or not all(e.settled for _, e in parts):
         why = next(e.reason for e in (engine, *(e for _, e in parts)) if not e.settled)
         return f"No settled limit cycle in {history.time[-1]:.0f} s: {why.removeprefix('unconverged: ')}"
-    if engine.amplitude == 0.0:
-        return f"The oscillation dies out within {history.time[-1]:.0f} s"
     slosh = ", ".join(f"{name} slosh {e.amplitude:.3g} m" for name, e in parts)
     start = f"Settles into a limit cycle at {engine.omega / 2.0 / np.pi:.3g} Hz"
     return f"{start}: {slosh}, engine {1e3 * engine.amplitude:.3g} mrad"
+
+
+def _dies_down(history: TimeHistory) -> str:
+    peak = np.max(np.abs(history.slosh), axis=0)
+    most = int(np.argmax(peak))
+    engine = 1e3 * np.max(np.abs(history.tvc))
+    end = "comes to rest" if history.left < 1e-6 else f"dies down to {100.0 * history.left:.2g} % of that"
+    tank = history.case.vehicle.tanks[most].name
+    return (
+        f"Peaks at {peak[most]:.3g} m of {tank} slosh and {engine:.3g} mrad of engine, {end} within "
+        f"{history.time[-1]:.0f} s"
+    )

@@ -16,7 +16,8 @@ from sloshpy.dynamics.poles import controller, system_matrix
 from sloshpy.dynamics.sensed import fed
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation.envelope import Envelope, level_envelope
-from sloshpy.simulation.simulate import DIVERGED, INITIAL_SLOSH
+from sloshpy.simulation.march import DIVERGED
+from sloshpy.simulation.simulate import INITIAL_SLOSH
 from sloshpy.units import Array, ComplexArray, Real
 
 if TYPE_CHECKING:

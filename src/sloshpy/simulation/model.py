@@ -3,12 +3,16 @@
 plant x --> sensed --> gain, filters --> command --> delay --> actuator --> beta, beta'' --> plant
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sloshpy.autopilot import Actuator
 from sloshpy.autopilot.blocks import actuator_block, filter_block
 from sloshpy.autopilot.motion import actuator_motion
 from sloshpy.case import Case
+from sloshpy.damping import DampingLaw
+from sloshpy.damping.laws import Force
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.sensed import fed
 from sloshpy.units import Array
@@ -55,82 +59,131 @@ class Model:
             self._wind[-len(moved) :] = moved
             self._wind_felt = 0.0 if p.acceleration is None else float(p.acceleration @ moved)
         self._felt = p.acceleration is not None
-        self._forces: list[tuple[int, Array, object, float]] = []
+        self._forces: list[Force] = []
         self._pushed = np.zeros(len(case.vehicle.tanks))  # y per unit of each damping acceleration
+        self._moved = np.zeros((self.size, len(case.vehicle.tanks)))  # x' likewise
+        half = n - loop.plant.mass.shape[-1]  # where the velocities start
+        first_tank = half + loop.plant.first_tank
+        self.velocities = slice(first_tank, first_tank + len(case.vehicle.tanks))  # of the slosh masses
         if fixed is None:
             inverse = np.linalg.inv(loop.plant.mass)
-            half = n - loop.plant.mass.shape[-1]  # where the velocities start
             for j, tank in enumerate(case.vehicle.tanks):
-                i = loop.plant.first_tank + j  # a coordinate
-                push = np.zeros(self.size)
-                push[half:n] = inverse[:, i] * float(tank.slosh_mass)
-                self._forces.append((half + i, push, tank.damping.acceleration, float(tank.frequency)))
+                self._forces.append(tank.damping.force(float(tank.frequency)))
+                self._moved[half:n, j] = inverse[:, loop.plant.first_tank + j] * float(tank.slosh_mass)
                 if p.acceleration is not None:
-                    self._pushed[j] = p.acceleration @ push[half:n]
+                    self._pushed[j] = p.acceleration @ self._moved[half:n, j]
+        a = pilot.actuator
+        self._limited = a is not None and a.limited
+        limits = (None, None) if a is None else (a.deflection_limit, a.rate_limit)
+        self._limits = (
+            np.inf if limits[0] is None else float(limits[0]),
+            np.inf if limits[1] is None else float(limits[1]),
+        )
+        varies = [fixed is None and not constant(tank.damping) for tank in case.vehicle.tanks]
+        self._kinked = self.velocities.start + np.flatnonzero(varies)
+        self._by_state, self._by_input = self._probed()
 
-    def command(self, x: Array) -> float:
-        """Return the engine command before the delay, rad."""
-        return self._command(x, self._damping(x), 0.0)
+    def _probed(self) -> tuple[Array, Array]:
+        """Return the matrices of x' on x and on the inputs: command, wind, damping accelerations.
 
-    def command_slope(self, x: Array, slope: Array, h: float) -> float:
-        """Return the command's time derivative over a step h, rad/s."""
-        if self._felt and self._direct:  # not linear in the state where the damping force is felt at once
-            small = 1e-3 * h * slope
-            return (self.command(x + small) - self.command(x - small)) / (2e-3 * h)
-        return float(self._read @ slope)
-
-    def engine(self, x: Array, delayed: float, lag: int, push: Array) -> float:
-        """Return the engine angle, rad; `push` as in `slope`."""
-        command = (delayed if lag else self.command(x)) + float(push[0])
-        return float(self._angle @ x[self._engine]) + self._through * command
-
-    def slope(self, x: Array, delayed: float, lag: int, push: Array) -> Array:
-        """Return x' with the delayed command, or without a delay that of this moment.
-
-        push: (2,), disturbances of the command in rad and of the lateral wind in m/s.
+        x' is linear in all of them but for an actuator's limits, so that two products do the work of `_assembled`. With
+        limits the first input is the engine's acceleration, and its two states are left to `slope`.
         """
-        forces, wind = self._damping(x), float(push[1])
-        command = (delayed if lag else self._command(x, forces, wind)) + float(push[0])
+        n = len(self._pushed)
+        zero, still = np.zeros(self.size), np.zeros(n)
+        rest, unit = ((0.0, 0.0), (0.0, 1.0)) if self._limited else (None, None)
+        by_state = [self._assembled(x, still, 0.0, 0.0, rest) for x in np.eye(self.size)]
+        first = self._assembled(zero, still, 0.0 if self._limited else 1.0, 0.0, unit)
+        wind = self._assembled(zero, still, 0.0, 1.0, rest)
+        by_force = [self._assembled(zero, one, 0.0, 0.0, rest) for one in np.eye(n)]
+        return np.stack(by_state, axis=-1), np.stack([first, wind, *by_force], axis=-1)
+
+    def commands(self, states: Array, wind: Array) -> Array:
+        """Return the engine commands before the delay, rad, of states (K, size) in wind (K,)."""
+        if self._felt and self._direct:
+            return np.array([self._command(x, self._damping(x), u) for x, u in zip(states, wind, strict=True)])
+        return states @ self._read
+
+    def engine(self, states: Array, command: Array) -> Array:
+        """Return the engine angles, rad, of states (K, size) and commands (K,) as they reach the actuator."""
+        return states[:, self._engine] @ self._angle + self._through * command
+
+    def slope(self, x: Array, delayed: float | None, push: float, wind: float) -> Array:
+        """Return x' with the delayed command in rad, or where that is None with the command of this moment.
+
+        push, wind: disturbances of the command in rad and of the lateral wind in m/s.
+        """
+        forces = self._damping(x)
+        command = (self._command(x, forces, wind) if delayed is None else delayed) + push
+        if not self._limited:
+            return np.asarray(self._by_state.dot(x) + self._by_input.dot([command, wind, *forces]))
+        rate, acceleration = self._actuate(float(x[-2]), float(x[-1]), command)
+        slope = self._by_state.dot(x) + self._by_input.dot([acceleration, wind, *forces])
+        slope[-2], slope[-1] = rate, acceleration
+        return np.asarray(slope)
+
+    def _assembled(
+        self, x: Array, forces: Array, command: float, wind: float, motion: tuple[float, float] | None
+    ) -> Array:
+        """Return x' piece by piece; motion: rate and acceleration of an engine with limits, None without."""
         slope = self._A @ x
         beta, acceleration = self._through * command, 0.0
         if self._actuator is not None:
             states = x[self._engine]
             beta += float(self._angle @ states)
-            if self._actuator.frequency is not None:
-                slope[-2:] = self._actuate(float(x[-2]), float(x[-1]), command)
-                acceleration = float(slope[-1])
+            if motion is not None:
+                acceleration = motion[1]
             else:
                 slope[self._engine] += self._drive * command
                 acceleration = float(self._jerk @ states) + self._jerk_through * command
         slope[: self._plant] += self._b * beta + self._b2 * acceleration + self._wind * wind
-        for force, (_, moved, _, _) in zip(forces, self._forces, strict=True):
-            slope += moved * force
+        slope += self._moved @ forces
         if self._felt:
             slope += self._into * (self._at_once(forces, beta, acceleration) + self._wind_felt * wind)
         return slope
 
     def _damping(self, x: Array) -> list[float]:
-        """Return the acceleration of each slosh mass by its law of damping."""
-        return [law(x[i], w) for i, _, law, w in self._forces]  # type: ignore[operator]
+        """Return the acceleration of each slosh mass by its law of damping; none with fixed ratios."""
+        if not self._forces:
+            return [0.0] * len(self._pushed)
+        velocities = x[self.velocities].tolist()
+        return [force(v) for force, v in zip(self._forces, velocities, strict=True)]
 
-    def _at_once(self, forces: list[float], beta: float, acceleration: float) -> float:
+    def _at_once(self, forces: Sequence[float] | Array, beta: float, acceleration: float) -> float:
         """Return what an accelerometer feels of the engine and of the damping forces, times its gain."""
-        return self._d * beta + self._d2 * acceleration + float(self._pushed[: len(forces)] @ forces)
+        return self._d * beta + self._d2 * acceleration + float(self._pushed @ forces)
 
-    def _command(self, x: Array, forces: list[float], wind: float) -> float:
-        command = float(self._read @ x)
+    def _command(self, x: Array, forces: Sequence[float], wind: float) -> float:
+        command = float(self._read.dot(x))
         if self._felt and self._direct:  # then the actuator lags by itself: its states give beta and beta''
             states = x[self._engine]
             felt = self._at_once(forces, float(self._angle @ states), float(self._jerk @ states))
             command += self._direct * (felt + self._wind_felt * wind)
         return command
 
-    def stopped(self, x: Array) -> Array:
-        """Return the state with the engine at its stop where a step has carried it beyond."""
-        stop = None if self._actuator is None else self._actuator.deflection_limit
-        if stop is not None and abs(x[-2]) > stop:
-            x[-2] = np.sign(x[-2]) * stop
-        return x
+    def outside(self, x: Array) -> bool:
+        """Whether a slosh velocity lies beyond the data of its law."""
+        return bool(np.any(np.isnan(self._damping(x))))
+
+    def kinks(self, x: Array) -> list[float]:
+        """Return what changes sign where x' has a kink or a jump: slosh velocities, engine beyond its rate and stop."""
+        at_rest: list[float] = x[self._kinked].tolist()
+        if not self._limited:
+            return at_rest
+        stop, fastest = self._limits
+        angle, rate = float(x[-2]), float(x[-1])
+        return [*at_rest, angle - stop, -angle - stop, rate - fastest, -rate - fastest]
+
+    def held(self, x: Array) -> Array:
+        """Return states (..., size) with the engine at its limits where they are beyond; themselves where none is."""
+        if not self._limited:
+            return x
+        most = np.array(self._limits)
+        if not np.any(np.abs(x[..., -2:]) > most):
+            return x
+        within = x.copy()
+        within[..., -2:] = np.clip(x[..., -2:], -most, most)
+        return within
 
     def _actuate(self, angle: float, rate: float, command: float) -> tuple[float, float]:
         """Return rate and acceleration of the engine; at a limit it does not move outward."""
@@ -138,8 +191,13 @@ class Model:
         assert a is not None
         assert a.frequency is not None
         assert a.damping is not None
-        stop, fastest = (np.inf if x is None else x for x in (a.deflection_limit, a.rate_limit))
+        stop, fastest = self._limits
         return actuator_motion(angle, rate, command, a.frequency, a.damping, stop, fastest, a.deadband or 0.0)
+
+
+def constant(law: DampingLaw) -> bool:
+    """Whether a law damps alike at every amplitude: 30 %, more than any slosh has, is reached at once or never."""
+    return float(law.amplitude(0.3)) in (0.0, np.inf)
 
 
 def _engine(actuator: Actuator | None) -> tuple[Array, Array, Array, float]:

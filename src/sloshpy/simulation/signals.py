@@ -4,6 +4,7 @@ A signal is a value that answers `signal(time)`, in the unit of what it disturbs
 the lateral wind. Nothing is random but the phases of `Noise`, which come from its seed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -15,6 +16,10 @@ from sloshpy.units import Array, Real
 class Signal(Protocol):
     """What a simulation asks of a disturbance."""
 
+    @property
+    def jumps(self) -> Array:
+        """Times in s at which the signal or its slope jumps."""
+
     def __call__(self, time: Real) -> Array:
         """Return the signal at times in s, any shape."""
 
@@ -25,6 +30,10 @@ class Step:
 
     size: float
     start: float = 0.0
+
+    @property
+    def jumps(self) -> Array:
+        return np.array([self.start])
 
     def __call__(self, time: Real) -> Array:
         return np.where(np.asarray(time) >= self.start, self.size, 0.0)
@@ -38,6 +47,10 @@ class Pulse:
     duration: float
     start: float = 0.0
 
+    @property
+    def jumps(self) -> Array:
+        return np.array([self.start, self.start + self.duration])
+
     def __call__(self, time: Real) -> Array:
         t = np.asarray(time) - self.start
         return np.where((t >= 0.0) & (t < self.duration), self.size, 0.0)
@@ -50,6 +63,10 @@ class OneMinusCosine:
     size: float
     duration: float
     start: float = 0.0
+
+    @property
+    def jumps(self) -> Array:
+        return np.array([self.start, self.start + self.duration])
 
     def __call__(self, time: Real) -> Array:
         t = (np.asarray(time, dtype=float) - self.start) / self.duration
@@ -68,6 +85,10 @@ class Samples:
             raise ValueError("a table of a disturbance has two columns of at least two rows")
         if not (np.all(np.diff(self.time) > 0.0) and np.all(np.isfinite(self.value))):
             raise ValueError("the times of a disturbance must increase and its values be finite")
+
+    @property
+    def jumps(self) -> Array:
+        return np.array(self.time, dtype=float)
 
     def __call__(self, time: Real) -> Array:
         return np.asarray(np.interp(time, self.time, self.value, left=0.0, right=0.0))
@@ -103,6 +124,28 @@ class Noise:
     def density(self) -> float:
         """One-sided power spectral density, unit^2 s/rad."""
         return self.rms**2 / (self.high - self.low)
+
+    def until(self, end: float) -> Callable[[float], float]:
+        """Return the signal from 0 to `end` in s for one time at a time: its spline through ten samples a radian.
+
+        (1/10)^4 5/384 = 1.3e-6 of the fastest line, and a thousandth of the work of its sum.
+        """
+        from scipy.interpolate import CubicSpline  # 0.3 s: only for noise
+
+        step = 0.1 / self.high
+        time = step * np.arange(int(np.ceil(end / step)) + 2, dtype=float)
+        cubics: list[list[float]] = CubicSpline(time, self(time)).c.T.tolist()
+
+        def at(t: float) -> float:
+            k = int(t / step)
+            (a, b, c, d), x = cubics[k], t - k * step
+            return d + x * (c + x * (b + x * a))
+
+        return at
+
+    @property
+    def jumps(self) -> Array:
+        return np.array([], dtype=float)
 
     def __call__(self, time: Real) -> Array:
         t = np.asarray(time, dtype=float)

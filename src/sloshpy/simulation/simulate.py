@@ -2,10 +2,11 @@
 
     x' = A x + b beta(t) + sum_j g_j acc_j(z_j')        acc_j: the damping law's own force, not its linear equivalent
 
-Fixed-step Runge-Kutta of fourth order. The delay is a true delay line: the step divides it, and values between
-steps come from the cubic through values and slopes, which keeps the order.
+Integrated by SciPy's adaptive Runge-Kutta solvers, which `march` keeps from stepping over jumps and kinks; the delay is
+a true delay line.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,16 +17,18 @@ from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
-from sloshpy.simulation.model import Model
+from sloshpy.simulation.march import MOST_STEPS, STABLE, march
+from sloshpy.simulation.model import Model, constant
 from sloshpy.simulation.signals import Noise, Signal
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
     import xarray as xr
 
-DIVERGED = 1e3  # m or rad: far beyond any model of this package
 INITIAL_SLOSH = 0.01  # m
-MOST_STEPS = 5e6  # some minutes
+RTOL = 1e-6  # a limit cycle to 1e-5 of its amplitude, see the tests
+ATOL = 1e-12  # so that what comes to rest comes below the 1e-9 that counts as rest
+LONGEST_STEP = 1.0  # radian of the fastest slosh, so that no step holds two sign changes of its velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +57,14 @@ class TimeHistory:
     def tvc_envelope(self) -> Envelope:
         """Amplitude in rad and frequency of the settled engine motion, or why there is none."""
         return self._envelope(self.tvc)
+
+    @property
+    def left(self) -> float:
+        """Greatest motion of the last tenth of the run over that of all of it; of tanks and engine what keeps most."""
+        moved = np.abs(np.column_stack([self.slosh, self.tvc]))
+        greatest = np.max(moved, axis=0)
+        last = np.max(moved[-(1 + len(moved) // 10) :], axis=0)
+        return float(np.max(last[greatest > 0.0] / greatest[greatest > 0.0], initial=0.0))
 
     def _envelope(self, signal: Array) -> Envelope:
         if self.stopped:
@@ -108,6 +119,8 @@ def simulate(
     step: float | None = None,
     engine: Signal | None = None,
     wind: Signal | None = None,
+    rtol: float = RTOL,
+    atol: float = ATOL,
 ) -> TimeHistory:
     """Simulate a case from displaced slosh, disturbed or not; degrade its autopilot first to see a degraded loop.
 
@@ -116,95 +129,93 @@ def simulate(
         duration: s.
         initial_slosh: displacement in m, one for all tanks or one for each; the vehicle starts at rest.
         damping: fixed damping ratios in place of the tanks' laws.
-        step: s, at most; default: a tenth of the fastest slosh radian and 0.6 of the fastest pole's.
+        step: s, at most, between the times of the history; default: a tenth of the fastest slosh radian and half of
+            the fastest bending mode's. The integrator chooses its own steps.
         engine: disturbance of the engine command before the actuator, rad; see `signals`.
         wind: lateral wind, m/s; the case needs aerodynamics.
+        rtol: error of an integrator's step, relative to each state.
+        atol: likewise, absolute, in m, m/s, rad and rad/s.
 
     Raises:
         ValueError: more steps than a run can take: a delay of microseconds is no delay, leave it out.
         OutsideValidity: a damping table does not start at 0 m, so that its force is unknown.
     """
+    _refuse(case, duration, step, engine, wind)
+    loop = open_loop(case, damping)
+    fastest = _fastest(loop, duration)
+    slosh = float(np.max(loop.plant.tank_frequency, initial=0.0))
+    longest = LONGEST_STEP / slosh if slosh else duration
+    model = Model(loop, case, None if damping is None else loop.damping)
+    start = np.zeros(model.size)
+    start[loop.plant.slosh_states] = initial_slosh
+    h = min(_spacing(slosh, case), step or duration)
+    mesh: Array = h * np.arange(int(np.ceil(duration / h)) + 1, dtype=float)
+    jumps = np.concatenate([np.zeros(0), *(signal.jumps for signal in (engine, wind) if signal is not None)])
+    pilot = loop.autopilot
+    ran = march(
+        model, start, mesh, pilot, (_over(engine, mesh[-1]), _over(wind, mesh[-1])), jumps, longest, fastest, rtol, atol
+    )
+    count = len(ran.state)
+    states, time = model.held(ran.state), mesh[:count]
+    late = bool(pilot.delay) or pilot.sample_time is not None
+    command = ran.command if late else model.commands(states, _at(wind, time))
+    return TimeHistory(
+        case=case,
+        time=time,
+        slosh=states[:, loop.plant.slosh_states],
+        tvc=model.engine(states, command + _at(engine, time)),
+        attitude=states @ model.attitude,
+        step=h,
+        stopped=ran.stopped,
+        linear=_is_linear(case, damping) and engine is None and wind is None,
+    )
+
+
+def _refuse(case: Case, duration: float, step: float | None, engine: Signal | None, wind: Signal | None) -> None:
+    """Refuse what cannot be simulated, before any work."""
     if not duration > 0.0:
         raise ValueError(f"duration must be > 0 s, is {duration:g} s")
+    if step is not None and not step > 0.0:
+        raise ValueError(f"step must be > 0 s, is {step:g} s")
     single(case, "simulate")
-    loop = open_loop(case, damping)
     if wind is not None and case.vehicle.aerodynamics is None:
         raise ValueError("wind acts by the aerodynamics, and the case has none")
     for noise in (engine, wind):
         if isinstance(noise, Noise) and duration > noise.period:
             raise ValueError(f"the noise repeats after {noise.period:.0f} s: give it more lines or run shorter")
-    h, lag = step_and_lag(loop, step)
-    if duration / h > MOST_STEPS:
-        cause = "the delay" if lag == 1 else "the fastest pole"
-        raise ValueError(
-            f"{duration:g} s in steps of {h:.3g} s, which {cause} asks for, are more than {MOST_STEPS:.0e} steps"
-        )
-    steps = int(np.ceil(duration / h))
-    model = Model(loop, case, None if damping is None else loop.damping)
-    x = np.zeros(model.size)
-    x[loop.plant.slosh_states] = initial_slosh
-    states, angle = np.zeros((steps + 1, model.size)), np.zeros(steps + 1)
-    line, slopes = np.zeros(steps + 1 + lag), np.zeros(steps + 1 + lag)  # the delay line: nothing before t = 0
-    mesh: Array = 0.5 * h * np.arange(2 * steps + 3, dtype=float)  # with the half steps
-    pushed = np.stack([np.zeros_like(mesh) if signal is None else signal(mesh) for signal in (engine, wind)], axis=-1)
-    stopped = ""
-    count = steps + 1
-    for k in range(steps + 1):
-        states[k] = x
-        old = line[k], slopes[k], line[k + 1] if lag else 0.0, slopes[k + 1] if lag else 0.0
-        delayed = (old[0], 0.5 * (old[0] + old[2]) + h / 8.0 * (old[1] - old[3]), old[2])
-        if k < lag:  # nothing comes out before the delay has passed, not on the way to the first value either
-            delayed = (0.0, 0.0, 0.0)
-        push = pushed[2 * k : 2 * k + 3]
-        k1 = model.slope(x, delayed[0], lag, push[0])
-        angle[k] = model.engine(x, delayed[0], lag, push[0])
-        if lag:
-            line[k + lag], slopes[k + lag] = model.command(x), model.command_slope(x, k1, h)
-            if lag == 1 and k > 0:  # the newest value has just come in
-                delayed = (old[0], 0.5 * (old[0] + line[k + 1]) + h / 8.0 * (old[1] - slopes[k + 1]), line[k + 1])
-        if k == steps:
-            break
-        k2 = model.slope(x + 0.5 * h * k1, delayed[1], lag, push[1])
-        k3 = model.slope(x + 0.5 * h * k2, delayed[1], lag, push[1])
-        k4 = model.slope(x + h * k3, delayed[2], lag, push[2])
-        x = model.stopped(x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4))
-        size = float(np.max(np.abs(x)))
-        if not size < DIVERGED:
-            stopped = "beyond the damping data" if np.isnan(size) else "diverged"
-            stopped += f" at {(k + 1) * h:.1f} s"
-            count = k + 1
-            break
-    time = h * np.arange(count, dtype=float)
-    return TimeHistory(
-        case=case,
-        time=time,
-        slosh=states[:count, loop.plant.slosh_states],
-        tvc=angle[:count],
-        attitude=states[:count] @ model.attitude,
-        step=h,
-        stopped=stopped,
-        linear=_is_linear(case, damping) and engine is None and wind is None,
-    )
+
+
+def _fastest(loop: Loop, duration: float) -> float:
+    """Return the fastest pole in rad/s, or refuse a run of too many steps."""
+    prompt = replace(loop, autopilot=loop.autopilot.prompt)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(system_matrix(prompt)[0]))))
+    period, delay = loop.autopilot.sample_time, float(loop.autopilot.delay)
+    slow = (period, "the sample time") if period is not None else (delay or np.inf, "the delay")
+    for h, cause in ((STABLE / fastest, "the fastest pole"), slow):
+        if duration / h > MOST_STEPS:
+            raise ValueError(
+                f"{duration:g} s in steps of {h:.3g} s, which {cause} asks for, are more than {MOST_STEPS:.0e} steps"
+            )
+    return fastest
+
+
+def _spacing(slosh: float, case: Case) -> float:
+    """Return the spacing in s of a history in which every peak of slosh and bending shows."""
+    bending = max((float(mode.frequency) for mode in case.vehicle.flexible_modes), default=0.0)
+    return min(0.1 / slosh if slosh else np.inf, 0.5 / bending if bending else np.inf)
+
+
+def _over(signal: Signal | None, end: float) -> Callable[[float], float]:
+    if signal is None:
+        return lambda t: 0.0
+    return signal.until(end) if isinstance(signal, Noise) else lambda t: float(signal(t))
+
+
+def _at(signal: Signal | None, time: Array) -> Array:
+    return np.zeros_like(time) if signal is None else np.asarray(signal(time))
 
 
 def _is_linear(case: Case, damping: Real | None) -> bool:
     actuator = case.autopilot.actuator
     limited = actuator is not None and actuator.limited
-    constant = all(float(t.damping.amplitude(0.3)) in (0.0, np.inf) for t in case.vehicle.tanks)
-    return not limited and (damping is not None or constant)
-
-
-def step_and_lag(loop: Loop, most: float | None) -> tuple[float, int]:
-    """Return the step in s and the delay in whole steps."""
-    if most is not None and not most > 0.0:
-        raise ValueError(f"step must be > 0 s, is {most:g} s")
-    bare = loop.autopilot.model_copy(update={"delay": 0.0})
-    poles = np.linalg.eigvals(system_matrix(replace(loop, autopilot=bare))[0])
-    fastest = float(np.max(np.abs(poles)))
-    slosh = float(np.max(loop.plant.tank_frequency, initial=0.0))
-    h = min(0.6 / fastest, 0.1 / slosh if slosh else np.inf, most or np.inf)
-    delay = float(loop.autopilot.delay)
-    if delay == 0.0:
-        return h, 0
-    lag = int(np.ceil(delay / h))
-    return delay / lag, lag
+    return not limited and (damping is not None or all(constant(t.damping) for t in case.vehicle.tanks))
