@@ -12,7 +12,7 @@ from sloshpy.units import Array
 
 
 def plot_flight_damping(result: FlightAssessment, ax: Axes | None = None) -> Axes:
-    """Draw the damping that each tank needs (thick) against what it has at its reference amplitude (thin, dotted).
+    """Draw the damping that each tank needs (thick) against what it has at its reference amplitude (thin, dots).
 
     Args:
         result: of `assess_flight`.
@@ -23,10 +23,10 @@ def plot_flight_damping(result: FlightAssessment, ax: Axes | None = None) -> Axe
     most = 0.0
     for k, tank in enumerate(tanks):
         need = [(t, 100.0 * x) for t, x in by_tank(result, tank, "required_damping")]
-        course(ax, need, f"{tank} needs", k, linewidth=2.4, linestyle="-")
+        course(ax, need, f"{tank} needs", k, linewidth=2.6)
         own = [r for r in result.reviews if tank in r.phase.tanks]
         have = [(r.time, 100.0 * r.phase.available_damping[:, r.phase.tanks.index(tank)]) for r in own]
-        course(ax, have, f"{tank} has", k, linewidth=1.4, linestyle=(0, (1.2, 1.6)))
+        course(ax, have, f"{tank} has", k, linewidth=0.9, marker=".", markersize=3.0)
         most = max(most, *(float(np.max(np.nan_to_num(x))) for _, x in need + have))
         for time, x in need:
             gone = time[np.isnan(x)]
@@ -34,7 +34,7 @@ def plot_flight_damping(result: FlightAssessment, ax: Axes | None = None) -> Axe
     ax.set_ylim(-0.02 * most, 1.1 * most)
     mark_events([ax], result)
     legend(ax, 2 * len(tanks))
-    finish(ax, _damping_message(result), TIME, "Slosh damping [%], has: at the reference amplitude")
+    finish(ax, _damping_message(result), TIME, "Slosh damping [%]")
     return ax
 
 
