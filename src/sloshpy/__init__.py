@@ -18,6 +18,8 @@ The public names, in reading order; each is loaded when it is first used.
                  degradation_map
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
+    flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures,
+                 growth_along, simulate_flight, check_growth; Phase, Trajectory
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -66,7 +68,9 @@ _ROOMS = {
         "read_time_history",
         "damping_line",
         "read_fill_table",
+        "read_flight",
         "write_fill_history",
+        "write_requirement",
         "write_case",
         "case_schema",
         "write_example",
@@ -112,6 +116,16 @@ _ROOMS = {
         "Noise",
     ),
     "assess": ("assess", "Assessment"),
+    "flight": (
+        "Phase",
+        "Trajectory",
+        "assess_flight",
+        "FlightAssessment",
+        "damping_requirement",
+        "growth_along",
+        "simulate_flight",
+        "check_growth",
+    ),
     "plots": (
         "plot_bode",
         "plot_damping_law",
@@ -120,8 +134,15 @@ _ROOMS = {
         "plot_danger_zones",
         "plot_degradation_map",
         "plot_fill_history",
+        "plot_flight_cycles",
+        "plot_flight_damping",
+        "plot_flight_danger_zone",
+        "plot_flight_frequencies",
+        "plot_flight_growth",
+        "plot_flight_margins",
         "plot_free_decay",
         "plot_growth",
+        "plot_growth_check",
         "plot_limit_cycle",
         "plot_mode_tracks",
         "plot_nichols",
@@ -132,7 +153,7 @@ _ROOMS = {
         "plot_tvc_gain",
         "save_figure",
     ),
-    "report": ("write_report", "write_figures"),
+    "report": ("write_report", "write_figures", "write_flight_figures"),
     "errors": ("InputError", "OutsideValidity"),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}

@@ -11,6 +11,7 @@ from sloshpy.cli.app import app
 from sloshpy.cli.options import CaseFile, Output, drawn, figure_path, refused, writable
 from sloshpy.files import (
     case_schema,
+    example_flight_names,
     example_names,
     example_record_names,
     example_tank_names,
@@ -94,7 +95,7 @@ def schema() -> int:
 
 @app.command
 def example(name: Annotated[str, Parameter(help="name of a shipped example")] = "") -> int:
-    """Write a shipped example case, tank or record to the current folder; without a name, list them."""
-    listed = [*example_names(), *example_tank_names(), *example_record_names()]
+    """Write a shipped example case, tank, record or flight to the current folder; without a name, list them."""
+    listed = [*example_names(), *example_tank_names(), *example_record_names(), *example_flight_names()]
     print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(listed))
     return 0

@@ -1,9 +1,17 @@
 """Files: cases in and out, damping tables, time histories, the shipped examples and the schema of the case file."""
 
 from sloshpy.files.case_file import read_case
-from sloshpy.files.examples import example_names, example_record_names, example_tank_names, write_example
+from sloshpy.files.examples import (
+    example_flight_names,
+    example_names,
+    example_record_names,
+    example_tank_names,
+    write_example,
+)
 from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.fill_history import read_fill_table, write_fill_history
+from sloshpy.files.flight_file import read_flight
+from sloshpy.files.requirement_table import write_requirement
 from sloshpy.files.schema import case_schema
 from sloshpy.files.tables import read_damping_table
 from sloshpy.files.tank_file import read_tank
@@ -13,6 +21,7 @@ from sloshpy.files.write import damping_line, write_case
 __all__ = [
     "case_schema",
     "damping_line",
+    "example_flight_names",
     "example_names",
     "example_record_names",
     "example_tank_names",
@@ -20,6 +29,7 @@ __all__ = [
     "read_case",
     "read_damping_table",
     "read_fill_table",
+    "read_flight",
     "read_tank",
     "read_time_history",
     "response_to_control",
@@ -27,4 +37,5 @@ __all__ = [
     "write_case",
     "write_example",
     "write_fill_history",
+    "write_requirement",
 ]

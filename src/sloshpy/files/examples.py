@@ -1,4 +1,4 @@
-"""The shipped example cases, tanks and records, copied to where the user works."""
+"""The shipped example cases, tanks, records and flights, copied to where the user works."""
 
 import os
 from importlib.resources import files
@@ -27,14 +27,22 @@ def example_record_names() -> list[str]:
     return sorted(file.name.removesuffix(".csv") for file in folder.iterdir() if file.name.endswith(".csv"))
 
 
+def example_flight_names() -> list[str]:
+    """Return the names of the shipped flights; each has a folder of its own for its tables, cases and tanks."""
+    folder = files("sloshpy") / "data" / "flights"
+    return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
+
+
 def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
-    """Copy a shipped example case, tank or record into a folder and return its path.
+    """Copy a shipped example case, tank, record or flight into a folder and return its path.
+
+    A flight brings a folder of its own name with its tables, cases and tanks.
 
     Raises:
         InputError: no example of this name, no such folder, or the file is there already.
     """
-    tanks, records = example_tank_names(), example_record_names()
-    names = [*example_names(), *tanks, *records]
+    tanks, records, flights = example_tank_names(), example_record_names(), example_flight_names()
+    names = [*example_names(), *tanks, *records, *flights]
     if name not in names:
         raise InputError(
             Problem(key="example", value=name, rule=f"is none of {', '.join(names)}", cure=nearest(name, names))
@@ -44,11 +52,20 @@ def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
         raise InputError(
             Problem(key="folder", value=str(folder), rule="does not exist", cure="make it or name another")
         )
-    if target.exists():
-        raise InputError(
-            Problem(key="example", value=str(target), rule="is there already", cure="remove it or name another folder")
-        )
+    own = target.with_suffix("")
+    for there in (target, own) if name in flights else (target,):
+        if there.exists():
+            raise InputError(
+                Problem(
+                    key="example", value=str(there), rule="is there already", cure="remove it or name another folder"
+                )
+            )
     data = files("sloshpy") / "data"
-    place = data / "tanks" if name in tanks else data / "records" if name in records else data
+    places = {"tanks": tanks, "records": records, "flights": flights}
+    place = next((data / folder for folder, known in places.items() if name in known), data)
+    if name in flights:
+        own.mkdir()
+        for file in sorted((place / name).iterdir(), key=lambda file: file.name):
+            write_whole(own / file.name, file.read_bytes())
     write_whole(target, (place / target.name).read_bytes())
     return target

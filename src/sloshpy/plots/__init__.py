@@ -6,6 +6,10 @@ from sloshpy.plots.damping_sweep import plot_damping_sweep
 from sloshpy.plots.danger_zone import plot_danger_zone
 from sloshpy.plots.danger_zones import plot_danger_zones
 from sloshpy.plots.degradation_map import plot_degradation_map
+from sloshpy.plots.flight_check import plot_growth_check
+from sloshpy.plots.flight_growth import plot_flight_growth
+from sloshpy.plots.flight_loop import plot_flight_frequencies, plot_flight_margins
+from sloshpy.plots.flight_tanks import plot_flight_cycles, plot_flight_damping, plot_flight_danger_zone
 from sloshpy.plots.free_decay import plot_free_decay
 from sloshpy.plots.growth import plot_growth
 from sloshpy.plots.limit_cycle import plot_limit_cycle
@@ -27,8 +31,15 @@ __all__ = [
     "plot_danger_zones",
     "plot_degradation_map",
     "plot_fill_history",
+    "plot_flight_cycles",
+    "plot_flight_damping",
+    "plot_flight_danger_zone",
+    "plot_flight_frequencies",
+    "plot_flight_growth",
+    "plot_flight_margins",
     "plot_free_decay",
     "plot_growth",
+    "plot_growth_check",
     "plot_limit_cycle",
     "plot_mode_tracks",
     "plot_nichols",

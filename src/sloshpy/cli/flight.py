@@ -1,0 +1,98 @@
+"""Commands about a flight: every time of it assessed, and the growth of a slosh mode along it."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sloshpy.cli.app import app
+from sloshpy.cli.options import Output, Tank, figure_path, quantity, refused, save, tank_of, writable
+from sloshpy.files import read_flight, write_requirement
+from sloshpy.flight import (
+    FlightAssessment,
+    Trajectory,
+    assess_flight,
+    check_growth,
+    damping_requirement,
+    growth_along,
+)
+
+FlightFile = Annotated[Path, Parameter(help="flight file (TOML), its tables beside it")]
+
+
+@app.command
+def flight(
+    file: FlightFile,
+    *,
+    linear: Annotated[
+        bool, Parameter(negative="", help="leave the limit cycles out: seconds in place of minutes, and no verdict")
+    ] = False,
+    figures: Annotated[Path | None, Parameter(help="write every figure over flight time into this folder")] = None,
+    requirement: Annotated[
+        Path | None, Parameter(help="write the damping required of each tank, NAME-TANK.csv, .xlsx or .nc")
+    ] = None,
+    every: Annotated[int, Parameter(help="limit cycles at every so many times, and at the ends of each phase")] = 1,
+) -> int:
+    """Assess every time of a flight and print the worst of each criterion with its time."""
+    if every < 1:
+        raise refused("--every", every, "must be 1 or more", "leave it out for every time")
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise refused("--figures", figures, "is a file", "name a folder")
+    if requirement is not None:
+        writable(file, requirement, {".csv", ".xlsx", ".nc"})
+    result = assessed(read_flight(file), 0 if linear else every)
+    print(result)
+    if requirement is not None:
+        for tank in result.trajectory.tanks:
+            own = requirement.with_stem(f"{requirement.stem}-{tank.replace(' ', '_')}")
+            print(f"table: {write_requirement(damping_requirement(result, tank), own)}")
+    if figures is not None:
+        from sloshpy.report import write_flight_figures  # matplotlib: only when something is drawn
+
+        for path in write_flight_figures(result, figures):
+            print(f"figure: {path}")
+    return 0 if result.verdict in {"pass", "linear"} else 1
+
+
+@app.command
+def flight_growth(
+    file: FlightFile,
+    *,
+    phase: Annotated[str | None, Parameter(help="name of the phase; default: the first")] = None,
+    tank: Tank = None,
+    amplitude: Annotated[str, Parameter(help="slosh at the start")] = "0.01 m",
+    start: Annotated[str | None, Parameter(help="time of flight at the start; default: that of the phase")] = None,
+    end: Annotated[str | None, Parameter(help="time of flight at the end; default: that of the phase")] = None,
+    output: Output = None,
+) -> int:
+    """Print how a slosh mode grows along a phase of a flight, and draw it against the nonlinear simulation."""
+    from sloshpy import plots  # matplotlib: only when something is drawn
+
+    trajectory, path = read_flight(file), figure_path(file, output, "growth")
+    names = [one.name for one in trajectory]
+    if phase is not None and phase not in names:
+        raise refused("--phase", phase, "is no phase of the flight", f"one of {', '.join(names)}")
+    own = trajectory.phases[0 if phase is None else names.index(phase)]
+    ends = [
+        None if text is None else quantity(option, text, "s") for option, text in (("--start", start), ("--end", end))
+    ]
+    growth = growth_along(own, tank_of(own.case, tank), quantity("--amplitude", amplitude, "m"), *ends)
+    check = check_growth(growth)
+    print(check)
+    return save(plots.plot_growth_check(check), path)
+
+
+def assessed(trajectory: Trajectory, cycles: int) -> FlightAssessment:
+    """Assess a flight with a progress bar on standard error, where that is a terminal."""
+    from rich.console import Console  # 0.1 s
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(trajectory.name[:40], total=None)
+
+        def progress(done: int, total: int, what: str) -> None:
+            bar.update(task, completed=done, total=total, description=what)
+
+        return assess_flight(trajectory, cycles, progress)

@@ -1,0 +1,33 @@
+"""Growth along a flight against its simulation: the slosh and the amplitude predicted for it."""
+
+from matplotlib.axes import Axes
+
+from sloshpy.flight import GrowthCheck
+from sloshpy.plots.flight_axes import TIME, legend
+from sloshpy.plots.style import ALARM, GREY, axes_or_new, finish
+
+
+def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
+    """Draw the simulated slosh of a tank and the amplitude that its growth predicts.
+
+    Args:
+        check: result of `check_growth`.
+        ax: where to draw; default: a new figure.
+    """
+    ax = axes_or_new(ax)
+    growth, history = check.growth, check.history
+    tank = growth.phase.tanks.index(growth.tank)
+    ax.plot(history.time, history.slosh[:, tank], color=GREY, linewidth=0.5, label="simulated")
+    ax.plot(growth.time, growth.amplitude, color=ALARM, linewidth=2.2, label="predicted amplitude")
+    ax.plot(growth.time, -growth.amplitude, color=ALARM, linewidth=2.2)
+    ax.set_xlim(growth.time[0], growth.time[-1])
+    most = 1.3 * growth.amplitude[growth.greatest]
+    ax.set_ylim(-most, most)
+    legend(ax, 2, "upper left")
+    message = (
+        f"{growth.tank} slosh reaches {growth.amplitude[growth.greatest]:.3g} m at "
+        f"{growth.time[growth.greatest]:.0f} s; "
+        f"prediction and simulation differ by {100.0 * check.worst:.2g} % at most"
+    )
+    finish(ax, message, TIME, "Slosh [m]")
+    return ax
