@@ -17,6 +17,7 @@ The public names, in reading order; each is loaded when it is first used.
                  degradation_map
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
+    dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, write_campaign
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -53,6 +54,7 @@ _ROOMS = {
     "damping": ("ConstantDamping", "PowerDamping", "TableDamping", "SumDamping"),
     "files": (
         "read_case",
+        "read_dispersion",
         "read_tank",
         "read_fill_table",
         "write_fill_history",
@@ -99,6 +101,14 @@ _ROOMS = {
         "OneMinusCosine",
         "Samples",
         "Noise",
+    ),
+    "dispersion": (
+        "Dispersion",
+        "run_campaign",
+        "read_campaign",
+        "rerun",
+        "findings",
+        "write_campaign",
     ),
     "assess": ("assess", "Assessment"),
     "plots": (

@@ -1,7 +1,8 @@
-"""Files: cases in and out, damping tables, the shipped examples and the schema of the case file."""
+"""Files: cases in and out, dispersions, damping tables, the shipped examples and the schema of the case file."""
 
 from sloshpy.files.case_file import read_case
-from sloshpy.files.examples import example_names, example_tank_names, write_example
+from sloshpy.files.dispersion_file import read_dispersion
+from sloshpy.files.examples import example_dispersion_names, example_names, example_tank_names, write_example
 from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.fill_history import read_fill_table, write_fill_history
 from sloshpy.files.schema import case_schema
@@ -11,11 +12,13 @@ from sloshpy.files.write import write_case
 
 __all__ = [
     "case_schema",
+    "example_dispersion_names",
     "example_names",
     "example_tank_names",
     "from_control",
     "read_case",
     "read_damping_table",
+    "read_dispersion",
     "read_fill_table",
     "read_tank",
     "response_to_control",

@@ -1,4 +1,4 @@
-"""The shipped example cases and tanks, copied to where the user works."""
+"""The shipped example cases, tanks and dispersions, copied to where the user works."""
 
 import os
 from importlib.resources import files
@@ -21,14 +21,20 @@ def example_tank_names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
 
 
+def example_dispersion_names() -> list[str]:
+    """Return the names of the shipped example dispersions."""
+    folder = files("sloshpy") / "data" / "dispersions"
+    return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
+
+
 def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
-    """Copy a shipped example case or tank into a folder and return its path.
+    """Copy a shipped example case, tank or dispersion into a folder and return its path.
 
     Raises:
         InputError: no example of this name, no such folder, or the file is there already.
     """
-    tanks = example_tank_names()
-    names = [*example_names(), *tanks]
+    folders = dict.fromkeys(example_tank_names(), "tanks") | dict.fromkeys(example_dispersion_names(), "dispersions")
+    names = [*example_names(), *folders]
     if name not in names:
         raise InputError(
             Problem(key="example", value=name, rule=f"is none of {', '.join(names)}", cure=nearest(name, names))
@@ -43,5 +49,5 @@ def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
             Problem(key="example", value=str(target), rule="is there already", cure="remove it or name another folder")
         )
     data = files("sloshpy") / "data"
-    write_whole(target, ((data / "tanks" if name in tanks else data) / target.name).read_bytes())
+    write_whole(target, ((data / folders[name] if name in folders else data) / target.name).read_bytes())
     return target
