@@ -15,8 +15,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
-from multiprocessing.queues import SimpleQueue
-from typing import Any
 
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
 from sloshpy.dispersion.store import Layout
@@ -66,7 +64,7 @@ def _in_workers(
     while waiting:
         suspects: list[int] = []
         running: dict[Future[Rows], tuple[int, float]] = {}
-        with _pool(min(workers, len(waiting))) as pool:
+        with _pool(min(workers, len(waiting))) as (pool, end_all):
             while (waiting or running) and not suspects:
                 while waiting and len(running) < workers:
                     number = waiting.popleft()
@@ -84,7 +82,8 @@ def _in_workers(
                         suspects.append(number)
                     else:
                         yield number, rows
-            if suspects:  # the others that were under way died with the pool
+            if suspects:  # the others that were under way die with the pool
+                end_all()
                 suspects += [number for number, _ in running.values() if number not in suspects]
         for number in suspects:
             yield number, one_by_one(answer, *layout.span(number), columns, case_limit)
@@ -100,23 +99,27 @@ def _arrived(future: Future[Rows], first: int, count: int, columns: int) -> Rows
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Run workers, each with one BLAS thread, and end them all, hung ones too."""
+def _pool(workers: int) -> Iterator[tuple[ProcessPoolExecutor, Callable[[], None]]]:
+    """Run workers, each with one BLAS thread; the function ends them all at once, hung ones too.
+
+    All or none: one that is killed while it waits for work keeps the lock of the queue from the others.
+    """
+    others = set(multiprocessing.active_children())
+
+    def end_all() -> None:
+        for process in set(multiprocessing.active_children()) - others:
+            process.kill()
+
     context = multiprocessing.get_context("spawn")  # a forked child would share locks and random state
-    started: SimpleQueue[int] = context.SimpleQueue()
     with _one_thread():
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(started,))
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
         try:
-            yield pool
-        finally:  # nothing is under way but what hangs or is wanted no more
-            own = set()
-            while not started.empty():
-                own.add(started.get())
-            for process in multiprocessing.active_children():
-                if process.pid in own:
-                    process.kill()
+            yield pool, end_all
+        except BaseException:  # an interrupt too, or a reader who has seen enough
+            end_all()
+            raise
+        finally:
             pool.shutdown(wait=True, cancel_futures=True)
-            started.close()
 
 
 @contextmanager
@@ -135,7 +138,7 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _begin(started: Any = None) -> None:
+def _begin() -> None:
     """Prepare a worker: the keyboard is the driver's, and without a driver it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
@@ -146,8 +149,6 @@ def _begin(started: Any = None) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    if started is not None:
-        started.put(os.getpid())
 
 
 def one_by_one(answer: Answer, first: int, count: int, columns: int, case_limit: float) -> Rows:
