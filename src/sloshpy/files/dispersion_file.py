@@ -283,12 +283,15 @@ def _in_range(page: _Page, path: Path, quantity: Quantity | None, values: list[A
 def _correlations(page: _Page, parameters: dict[str, Parameter]) -> list[Correlation]:
     correlations: list[Correlation] = []
     taken: set[str] = set()
+    named = {str(table.get("input")) for _, table in page.tables("vary")}
     for path, table in page.tables("correlation"):
         page.known_keys(path, table, ("inputs", "matrix"))
         inputs, matrix = table.get("inputs"), table.get("matrix")
         if not isinstance(inputs, list) or len(inputs) < 2 or not all(isinstance(x, str) for x in inputs):
             page.refuse((*path, "inputs"), "must be a list of two or more inputs", 'write ["vehicle.mass", ...]')
             continue
+        if any(x in named and x not in parameters for x in inputs):
+            continue  # refused already where it stands
         unknown = [x for x in inputs if x not in parameters]
         if unknown or len(set(inputs)) < len(inputs) or taken & set(inputs):
             rule = f"holds {unknown[0]}, which does not vary" if unknown else "holds an input twice or one taken before"
