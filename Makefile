@@ -6,7 +6,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint lint-ruff lint-format lint-types lint-imports lock clean
+.PHONY: help venv demo test test-faults lint lint-ruff lint-format lint-types lint-imports lock clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -27,6 +27,9 @@ demo: $(READY) ## Assess the shipped upper stage and write upper_stage.html.
 
 test: $(READY) ## Run the tests.
 	$(BIN)/python -m pytest -n auto --dist loadfile
+
+test-faults: $(READY) ## Run the long tests of kills, crashes and hangs.
+	$(BIN)/python -m pytest -m faults
 
 lint: lint-ruff lint-format lint-types lint-imports ## Run every check that is not a test.
 

@@ -106,3 +106,27 @@ def test_an_accelerometer_that_feels_the_damping_force_is_counted():
     assert found.tvc_amplitude == pytest.approx(run.tvc_envelope.amplitude, rel=1e-4)
     plain = simulate_ensemble(paper_case(actuator=Actuator(frequency=20.0, damping=0.7)), 400.0, 0.2)
     assert abs(plain.slosh_amplitude[0] / found.slosh_amplitude[0] - 1.0) > 1e-3
+
+
+def test_a_damping_factor_is_a_law_of_its_own_in_each_run():
+    law = SumDamping(of=(ConstantDamping(ratio=0.004), PowerDamping(slope=0.05, exponent=0.5)))
+    factors, frequencies = np.array([0.7, 1.0, 1.6]), np.array([1.9, 2.0, 2.2])
+    found = simulate_ensemble(
+        paper_case(law, tank={"frequency": frequencies}), 300.0, step=0.04, damping_factor=factors[:, None]
+    )
+    for k, (f, w) in enumerate(zip(factors, frequencies, strict=True)):
+        own = SumDamping(of=(ConstantDamping(ratio=0.004 * f), PowerDamping(slope=0.05 * f, exponent=0.5)))
+        alone = simulate_ensemble(paper_case(own, tank={"frequency": w}), 300.0, step=0.04)
+        assert found.slosh_peak[k, 0] == pytest.approx(alone.slosh_peak[0], rel=1e-12)
+    assert len(set(found.slosh_peak[:, 0])) == 3
+    with pytest.raises(ValueError, match="damping factors"):
+        simulate_ensemble(paper_case(), damping_factor=-1.0)
+
+
+def test_a_run_has_the_same_bits_alone_and_in_a_batch():
+    stations = np.linspace(8.0, 10.0, 11)
+    found = simulate_ensemble(paper_case(tank={"station": stations}, delay=0.05), 100.0, step=0.05)
+    for k in (0, 7, 10):
+        alone = simulate_ensemble(paper_case(tank={"station": stations[k]}, delay=0.05), 100.0, step=0.05)
+        assert alone.slosh_peak[0] == found.slosh_peak[k, 0]
+        assert alone.tvc_peak == found.tvc_peak[k]

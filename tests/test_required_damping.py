@@ -144,3 +144,12 @@ def test_several_tanks_name_the_tank_meant():
     case = paper_case(more=more)
     assert required_damping(case, "RP-1").tank == "RP-1"
     assert required_damping(case, 1).tank == "RP-1"
+
+
+def test_the_digits_of_a_loop_do_not_depend_on_its_neighbours():
+    stations = np.linspace(6.5, 12.0, 7)
+    batch = required_damping(paper_case(tank={"station": stations}))
+    for k, x in enumerate(stations):
+        alone = required_damping(paper_case(tank={"station": x}))
+        assert np.array_equal(batch.required[k], alone.required, equal_nan=True)
+        assert np.array_equal(batch.omega[k], alone.omega, equal_nan=True)

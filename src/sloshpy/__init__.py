@@ -20,6 +20,7 @@ The public names, in reading order; each is loaded when it is first used.
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures,
                  growth_along, simulate_flight, check_growth; Phase, Trajectory
+    dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, write_campaign
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -64,6 +65,7 @@ _ROOMS = {
     ),
     "files": (
         "read_case",
+        "read_dispersion",
         "read_tank",
         "read_time_history",
         "damping_line",
@@ -114,6 +116,14 @@ _ROOMS = {
         "OneMinusCosine",
         "Samples",
         "Noise",
+    ),
+    "dispersion": (
+        "Dispersion",
+        "run_campaign",
+        "read_campaign",
+        "rerun",
+        "findings",
+        "write_campaign",
     ),
     "assess": ("assess", "Assessment"),
     "flight": (

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import cyclopts
 
-from sloshpy.cli import cycles, decay, flight, inputs, loop, review, time
+from sloshpy.cli import cycles, decay, dispersion, flight, inputs, loop, review, time
 from sloshpy.cli.app import app
 from sloshpy.errors import InputError, OutsideValidity
 
-__all__ = ["app", "cycles", "decay", "flight", "inputs", "loop", "main", "review", "time"]
+__all__ = ["app", "cycles", "decay", "dispersion", "flight", "inputs", "loop", "main", "review", "time"]
 
 
 def main(words: Sequence[str] | None = None) -> None:

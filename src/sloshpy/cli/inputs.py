@@ -11,6 +11,7 @@ from sloshpy.cli.app import app
 from sloshpy.cli.options import CaseFile, Output, drawn, figure_path, refused, writable
 from sloshpy.files import (
     case_schema,
+    example_dispersion_names,
     example_flight_names,
     example_names,
     example_record_names,
@@ -95,7 +96,8 @@ def schema() -> int:
 
 @app.command
 def example(name: Annotated[str, Parameter(help="name of a shipped example")] = "") -> int:
-    """Write a shipped example case, tank, record or flight to the current folder; without a name, list them."""
+    """Write a shipped example case, tank, record, flight or dispersion to the current folder; else list them."""
     listed = [*example_names(), *example_tank_names(), *example_record_names(), *example_flight_names()]
+    listed += example_dispersion_names()
     print(f"wrote {write_example(name, Path.cwd())}" if name else "\n".join(listed))
     return 0

@@ -1,7 +1,9 @@
-"""Files: cases in and out, damping tables, time histories, the shipped examples and the schema of the case file."""
+"""Files: cases, flights, dispersions, tables, time histories, the shipped examples and the schema of the case file."""
 
 from sloshpy.files.case_file import read_case
+from sloshpy.files.dispersion_file import read_dispersion
 from sloshpy.files.examples import (
+    example_dispersion_names,
     example_flight_names,
     example_names,
     example_record_names,
@@ -21,6 +23,7 @@ from sloshpy.files.write import damping_line, write_case
 __all__ = [
     "case_schema",
     "damping_line",
+    "example_dispersion_names",
     "example_flight_names",
     "example_names",
     "example_record_names",
@@ -28,6 +31,7 @@ __all__ = [
     "from_control",
     "read_case",
     "read_damping_table",
+    "read_dispersion",
     "read_fill_table",
     "read_flight",
     "read_tank",

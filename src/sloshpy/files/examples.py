@@ -1,4 +1,4 @@
-"""The shipped example cases, tanks, records and flights, copied to where the user works."""
+"""The shipped example cases, tanks, records, flights and dispersions, copied to where the user works."""
 
 import os
 from importlib.resources import files
@@ -21,6 +21,12 @@ def example_tank_names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
 
 
+def example_dispersion_names() -> list[str]:
+    """Return the names of the shipped example dispersions."""
+    folder = files("sloshpy") / "data" / "dispersions"
+    return sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
+
+
 def example_record_names() -> list[str]:
     """Return the names of the shipped records of tests, which are synthetic."""
     folder = files("sloshpy") / "data" / "records"
@@ -34,7 +40,7 @@ def example_flight_names() -> list[str]:
 
 
 def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
-    """Copy a shipped example case, tank, record or flight into a folder and return its path.
+    """Copy a shipped example case, tank, record, flight or dispersion into a folder and return its path.
 
     A flight brings a folder of its own name with its tables, cases and tanks.
 
@@ -42,7 +48,8 @@ def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
         InputError: no example of this name, no such folder, or the file is there already.
     """
     tanks, records, flights = example_tank_names(), example_record_names(), example_flight_names()
-    names = [*example_names(), *tanks, *records, *flights]
+    dispersions = example_dispersion_names()
+    names = [*example_names(), *tanks, *records, *flights, *dispersions]
     if name not in names:
         raise InputError(
             Problem(key="example", value=name, rule=f"is none of {', '.join(names)}", cure=nearest(name, names))
@@ -61,7 +68,7 @@ def write_example(name: str, folder: str | os.PathLike[str]) -> Path:
                 )
             )
     data = files("sloshpy") / "data"
-    places = {"tanks": tanks, "records": records, "flights": flights}
+    places = {"tanks": tanks, "records": records, "flights": flights, "dispersions": dispersions}
     place = next((data / folder for folder, known in places.items() if name in known), data)
     if name in flights:
         own.mkdir()

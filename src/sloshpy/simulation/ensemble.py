@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sloshpy.batch import case_shape
 from sloshpy.case import Case, continuous
 from sloshpy.damping import AnyDamping, ConstantDamping, PowerDamping, SumDamping
 from sloshpy.dynamics.loop import Loop, open_loop
@@ -75,7 +76,11 @@ class Ensemble:
 
 
 def simulate_ensemble(
-    case: Case, duration: float = 300.0, initial_slosh: Real = INITIAL_SLOSH, step: float | None = None
+    case: Case,
+    duration: float = 300.0,
+    initial_slosh: Real = INITIAL_SLOSH,
+    step: float | None = None,
+    damping_factor: Real = 1.0,
 ) -> Ensemble:
     """Simulate a batch of cases from displaced slosh and measure each one's settled oscillation.
 
@@ -84,6 +89,8 @@ def simulate_ensemble(
         duration: s.
         initial_slosh: m, broadcasts with (..., n_tanks).
         step: s, at most; default: a tenth of the fastest slosh radian, and half a radian of the fastest bending mode.
+            Runs of one step do not depend on which others are beside them, bit for bit.
+        damping_factor: multiplies every law of damping, broadcasts with (..., n_tanks).
 
     Raises:
         OutsideValidity: a tabulated law, a law with an end of its validity or an actuator limit, which `simulate`
@@ -98,9 +105,13 @@ def simulate_ensemble(
         raise OutsideValidity("the ensemble has no actuator limits or dead band: simulate each case, or drop them")
     continuous(case, "simulate_ensemble")
     constant, coefficient, exponent = _laws(case)
-    loop = open_loop(case, constant)
+    factor = np.asarray(damping_factor, dtype=float)
+    if not np.all(np.isfinite(factor)) or np.any(factor < 0.0):
+        raise ValueError("damping factors must be finite and >= 0")
+    loop = open_loop(case, factor * constant)
     modal = _modal(loop, case, initial_slosh)
     batch, size = loop.batch, int(np.prod(loop.batch))
+    grips = np.broadcast_to(factor[..., None] * coefficient, (*batch, *exponent.shape)).reshape(size, *exponent.shape)
     h = _step(loop, case, step)
     steps = int(np.ceil(duration / h))
     lanes = -(-size // LANES) * LANES
@@ -122,7 +133,7 @@ def simulate_ensemble(
     counts = [np.zeros((groups, watched, LANES), dtype=np.int64) for _ in range(2)]
     largest, diverged = np.zeros((groups, watched, LANES)), np.full((groups, LANES), -1, dtype=np.int64)
     results: list[Any] = [*peaks[:2], counts[0], peaks[2], counts[1], largest, diverged]
-    given: list[Any] = [coefficient, exponent, *rows, np.full((groups, LANES), h), steps, DIVERGED]
+    given: list[Any] = [grouped(grips), exponent, *rows, np.full((groups, LANES), h), steps, DIVERGED]
     arguments: list[Any] = [*split, grouped(modal.coupling), *given, *results]
     march(*arguments)
     high, high_at, high_count, low, low_count, top, far = (ungrouped(x) for x in results)
@@ -192,7 +203,7 @@ def _modal(loop: Loop, case: Case, initial_slosh: Real) -> _Modal:
     beta = np.broadcast_to(engine_row(shown, N), (*batch, N)).reshape(size, N)
     start, first = np.zeros((size, N)), np.asarray(initial_slosh, dtype=float)
     start[:, loop.plant.slosh_states] = np.broadcast_to(first, (*batch, n)).reshape(size, n)
-    rate, V = np.linalg.eig(A)
+    rate, V = (x.astype(complex) for x in np.linalg.eig(A))  # real where no mode of the whole batch oscillates
     W = np.linalg.inv(V)
     order = np.argsort(rate.imag < 0.0, axis=-1, kind="stable")  # the upper ones first
     upper = np.take_along_axis(rate.imag >= 0.0, order, axis=-1)
@@ -262,7 +273,10 @@ def engine_row(loop: Loop, size: int) -> Array:
 
 
 def _laws(case: Case) -> tuple[Array, Array, Array]:
-    """Return the constant ratio of each tank's law and its power terms c |v|^p v, coefficient and exponent (n, K)."""
+    """Return what each tank's law is made of: constant ratio (n,), and power terms c |v|^p v.
+
+    Coefficients are (..., n, K), since c = c_1 w^(1 - p) follows the slosh frequency; exponents (n, K).
+    """
     constant, terms = [], []
     for tank in case.vehicle.tanks:
         ratio, powers = 0.0, []
@@ -274,16 +288,17 @@ def _laws(case: Case) -> tuple[Array, Array, Array]:
                     raise OutsideValidity(
                         f"{tank.name} has a law that holds to {part.holds_to:g} m only: simulate each case"
                     )
-                if np.ndim(tank.frequency) and part.exponent != 1.0:
-                    raise OutsideValidity("a batch of slosh frequencies needs power laws of exponent 1 in an ensemble")
-                powers.append((part.coefficient(float(np.ravel(tank.frequency)[0])), part.exponent))
+                powers.append((part.coefficient(1.0), part.exponent))
             else:
                 raise OutsideValidity(f"{tank.name} has a tabulated law: simulate each case")
         constant.append(ratio)
         terms.append(powers)
     most = max((len(t) for t in terms), default=0) or 1
     filled = np.array([[*t, *[(0.0, 1.0)] * (most - len(t))] for t in terms]).reshape(-1, most, 2)
-    return np.array(constant), np.ascontiguousarray(filled[..., 0]), np.ascontiguousarray(filled[..., 1])
+    exponent = np.ascontiguousarray(filled[..., 1])
+    w = [np.broadcast_to(np.asarray(tank.frequency, dtype=float), case_shape(case)) for tank in case.vehicle.tanks]
+    at = np.stack(w, axis=-1)[..., None] if w else np.ones((0, 1))
+    return np.array(constant), filled[..., 0] * at ** (1.0 - exponent), exponent
 
 
 def _parts(law: AnyDamping) -> tuple[AnyDamping, ...]:

@@ -50,7 +50,7 @@ def march(
     (G, S, 8): greatest magnitude of each signal; diverged (G, 8): step at which a signal went beyond `far`, else -1.
     """
     groups, modes = start_re.shape[0], start_re.shape[1]
-    n, watched = coefficient.shape[0], signal_re.shape[1]
+    n, watched = coefficient.shape[1], signal_re.shape[1]
     for g in range(groups):
         y, x = start_re[g].copy(), start_im[g].copy()
         v, kick = np.zeros((n, LANES)), np.zeros((n, LANES))
@@ -73,10 +73,10 @@ def march(
                         j = turn if sweep == 0 else n - 1 - turn
                         for lane in range(LANES):
                             here = abs(v[j, lane])
-                            grip = _grip(coefficient[j], exponent[j], here)
+                            grip = _grip(coefficient[g, j], exponent[j], lane, here)
                             reach = 0.25 * h[g, lane] * coupling[g, j, j, lane]
                             here = here * np.exp(-grip * reach)  # to the middle of the kick
-                            grip = _grip(coefficient[j], exponent[j], here)
+                            grip = _grip(coefficient[g, j], exponent[j], lane, here)
                             rate[lane] = v[j, lane] * (np.exp(-grip * 2.0 * reach) - 1.0) / coupling[g, j, j, lane]
                             kick[j, lane] += rate[lane]
                         for i in range(n):
@@ -118,14 +118,14 @@ def march(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _grip(coefficient: Array, exponent: Array, speed: float) -> float:
-    """Return h(|v|) of a law's force -h(|v|) v, the sum of its power terms."""
+def _grip(coefficient: Array, exponent: Array, lane: int, speed: float) -> float:
+    """Return h(|v|) of a law's force -h(|v|) v of one lane, the sum of its power terms."""
     grip = 0.0
-    for i in range(len(coefficient)):
+    for i in range(len(exponent)):
         if exponent[i] == 1.0:
-            grip += coefficient[i] * speed
-        elif coefficient[i] != 0.0:
-            grip += coefficient[i] * speed ** exponent[i]
+            grip += coefficient[i, lane] * speed
+        elif coefficient[i, lane] != 0.0:
+            grip += coefficient[i, lane] * speed ** exponent[i]
     return grip
 
 

@@ -19,7 +19,7 @@ ROUNDS = 30
 SETTLED = 1e-11  # relative change of the damping in the last round; the frequency is worth its square root
 FINE = 1e-2  # of a resonance's relative width, which is about the damping: the spacing of the differences
 
-_Response = Callable[[Array, Array], ComplexArray]  # of ln omega and ln damping, the loops on the first axis
+_Response = Callable[[Array, Array, IntArray], ComplexArray]  # of ln omega, ln damping and which of the loops
 
 
 def with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
@@ -44,16 +44,18 @@ def touching_level(
         ends: (2, K), the dampings between which it must lie.
     """
 
-    def squared(x: Array, y: Array) -> Array:
-        L = _response(loop, index, tank)(x, y)
+    response = _response(loop, index, tank)
+
+    def squared(x: Array, y: Array, at: IntArray) -> Array:
+        L = response(x, y, at)
         return nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin) ** 2
 
-    def step(x: Array, y: Array) -> tuple[Array, Array]:
+    def step(x: Array, y: Array, at: IntArray) -> tuple[Array, Array]:
         """Solve D = level^2 and dD/dx = 0 for D = DM^2 by its values on a cross."""
         h = FINE * np.maximum(np.exp(y), 1e-6)
         k = np.full(len(y), 1e-4)
         dx, dy = (np.array(p) for p in zip(*[(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], strict=True))
-        D = squared(x[:, None] + h[:, None] * dx, y[:, None] + k[:, None] * dy).reshape(-1, 3, 3)
+        D = squared(x[:, None] + h[:, None] * dx, y[:, None] + k[:, None] * dy, at).reshape(-1, 3, 3)
         D_x, D_y = (D[:, 2, 1] - D[:, 0, 1]) / (2.0 * h), (D[:, 1, 2] - D[:, 1, 0]) / (2.0 * k)
         D_xx = (D[:, 2, 1] - 2.0 * D[:, 1, 1] + D[:, 0, 1]) / h**2
         D_xy = (D[:, 2, 2] - D[:, 2, 0] - D[:, 0, 2] + D[:, 0, 0]) / (4.0 * h * k)
@@ -69,10 +71,10 @@ def touching_critical_point(loop: Loop, index: IntArray, tank: int, start: tuple
     """Return the damping at which L(j omega) = -1 for some frequency, (K,); nan where none is found."""
     response = _response(loop, index, tank)
 
-    def step(x: Array, y: Array) -> tuple[Array, Array]:
+    def step(x: Array, y: Array, at: IntArray) -> tuple[Array, Array]:
         h = 1e-7  # relative; central differences of an analytic function, as in `nichols`
         off = np.array([0.0, h, -h, 0.0, 0.0])
-        L = response(x[:, None] + off, y[:, None] + off[[0, 3, 4, 1, 2]])
+        L = response(x[:, None] + off, y[:, None] + off[[0, 3, 4, 1, 2]], at)
         L_x, L_y, rest = (L[:, 1] - L[:, 2]) / (2.0 * h), (L[:, 3] - L[:, 4]) / (2.0 * h), -1.0 - L[:, 0]
         size = (np.conj(L_x) * L_y).imag
         return -(np.conj(L_y) * rest).imag / size, (np.conj(L_x) * rest).imag / size
@@ -81,24 +83,30 @@ def touching_critical_point(loop: Loop, index: IntArray, tank: int, start: tuple
 
 
 def _response(loop: Loop, index: IntArray, tank: int) -> _Response:
-    def response(x: Array, y: Array) -> ComplexArray:
-        rows = np.broadcast_to(index.reshape(-1, *np.ones(x.ndim - 1, dtype=int)), x.shape)
+    def response(x: Array, y: Array, at: IntArray) -> ComplexArray:
+        rows = np.broadcast_to(index[at].reshape(-1, *np.ones(x.ndim - 1, dtype=int)), x.shape)
         return transfer(with_ratio(loop, rows, tank, np.exp(y)), 1j * np.exp(x)).loop
 
     return response
 
 
-def _settled(step: Callable[[Array, Array], tuple[Array, Array]], start: tuple[Array, Array], ends: Array) -> Array:
-    """Return the damping on which Newton's method settles from a start, nan where it does not or leaves the bracket."""
+def _settled(
+    step: Callable[[Array, Array, IntArray], tuple[Array, Array]], start: tuple[Array, Array], ends: Array
+) -> Array:
+    """Return the damping on which Newton's method settles from a start, nan where it does not or leaves the bracket.
+
+    A loop that has settled is left alone, so that no loop's digits depend on its neighbours.
+    """
     x, y = np.log(start[0]), np.log(start[1])
     low, high = np.log(np.maximum(ends, 1e-300))
     moved = np.full(len(y), np.inf)
+    todo = np.arange(len(y))
     for _ in range(ROUNDS):
         with np.errstate(all="ignore"):  # where it fails, nan says so
-            dx, dy = step(x, y)
-            scale = np.maximum(np.maximum(np.abs(dx) / np.maximum(2.0 * np.exp(y), 1e-6), np.abs(dy) / 0.3), 1.0)
-        x, y = x + dx / scale, y + dy / scale
-        moved = np.abs(dy)
-        if np.all((moved < SETTLED) | np.isnan(moved)):
+            dx, dy = step(x[todo], y[todo], todo)
+            scale = np.maximum(np.maximum(np.abs(dx) / np.maximum(2.0 * np.exp(y[todo]), 1e-6), np.abs(dy) / 0.3), 1.0)
+        x[todo], y[todo], moved[todo] = x[todo] + dx / scale, y[todo] + dy / scale, np.abs(dy)
+        todo = todo[moved[todo] >= SETTLED]  # nan has failed
+        if len(todo) == 0:
             break
     return np.where((moved < SETTLED) & (y >= low) & (y <= high), np.exp(y), np.nan)

@@ -1,0 +1,153 @@
+"""Campaigns of an uncertain case."""
+
+import json as json_text
+import os
+import secrets
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TimeRemainingColumn
+from rich.text import Text
+
+from sloshpy.cli.app import app
+from sloshpy.cli.options import quantity, refused
+from sloshpy.dispersion import Dispersion, findings, read_campaign, rerun, run_campaign, write_campaign
+from sloshpy.dispersion.answers import columns_of
+from sloshpy.dispersion.campaign import Watch, holds_campaign
+from sloshpy.dispersion.dispersion import drawn
+from sloshpy.dispersion.rows import Status
+from sloshpy.dispersion.store import read_header
+from sloshpy.files import read_dispersion
+
+
+@app.command
+def disperse(
+    file: Annotated[Path, Parameter(help="dispersion file (TOML)")],
+    *,
+    cases: Annotated[int | None, Parameter(help="number of draws; a store that is there knows its own")] = None,
+    seed: Annotated[int | None, Parameter(help="root of all draws; without it one is drawn and printed")] = None,
+    store: Annotated[Path | None, Parameter(help="folder in which finished blocks are kept")] = None,
+    resume: Annotated[bool, Parameter(negative="", help="compute what the store lacks")] = False,
+    partial: Annotated[bool, Parameter(negative="", help="read a store that is not finished, as n of N")] = False,
+    case: Annotated[int | None, Parameter(help="run one case again, by its number")] = None,
+    workers: Annotated[int | None, Parameter(help="processes; default: the cores of this machine")] = None,
+    case_limit: Annotated[str, Parameter(help="longest time that one case may take")] = "60 s",
+    export: Annotated[Path | None, Parameter(help="write every draw and answer into this NetCDF file, .nc")] = None,
+    json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
+) -> int:
+    """Draw an uncertain case N times and say what share meets the criteria, with which confidence, and what drives it.
+
+    Exit status: 0 the criteria are met as the file asks, 1 they are not or so few cases cannot show it, 2 the input was
+    refused, 130 interrupted.
+    """
+    limit = quantity("--case-limit", case_limit, "s")
+    if not 0.1 <= limit <= 1e5:
+        raise refused("--case-limit", case_limit, "must be 0.1 s to 1e5 s", 'write "60 s"')
+    count = len(os.sched_getaffinity(0)) if workers is None else workers
+    if not 1 <= count <= 512:
+        raise refused("--workers", workers, "must be 1 to 512", "leave it out for all cores")
+    if store is None and (resume or partial):
+        raise refused("--resume" if resume else "--partial", "", "needs --store", "name the folder of the campaign")
+    if resume and partial:
+        raise refused("--partial", "", "stands beside --resume", "finish the campaign or read it as it is")
+    if export is not None and (export.suffix != ".nc" or export.exists() or not export.parent.is_dir()):
+        raise refused("--export", export, "must be a new file that ends in .nc, in a folder that is there", "rename it")
+    read = read_dispersion(file)
+    there = store is not None and holds_campaign(store)
+    if there and store is not None:
+        header = read_header(store)
+        cases, seed = _agreed("--cases", cases, header["cases"]), _agreed("--seed", seed, header["seed"])
+    if case is not None:
+        return _one(read, case, seed, store if there else None, json)
+    if cases is None:
+        raise refused("--cases", "", "is missing", "write --cases 2000")
+    if seed is None:
+        seed = secrets.randbits(32)
+        print(f"seed {seed}, drawn now", file=sys.stderr)
+    if there and store is not None and not resume:
+        campaign = read_campaign(read, store, partial)
+    elif partial:
+        raise refused("--partial", store, "is no store yet", "run the campaign first")
+    else:
+        try:
+            with _progress() as watch:
+                campaign = run_campaign(
+                    read, cases, seed, store=store, resume=resume, workers=count, case_limit=limit, watch=watch
+                )
+        except KeyboardInterrupt:
+            kept = "nothing is kept without --store" if store is None else "what is finished is kept; --resume goes on"
+            print(f"interrupted: {kept}", file=sys.stderr)
+            return 130
+    found = findings(campaign)
+    print(found.to_json() if json else found)
+    if export is not None:
+        write_campaign(campaign, export)
+        print(f"table: {export}", file=sys.stderr if json else sys.stdout)
+    return 0 if found.verdict == "pass" else 1
+
+
+def _agreed(option: str, given: int | None, stored: int) -> int:
+    if given is not None and given != stored:
+        raise refused(option, given, f"is {stored} in the store", "leave it out or name another folder")
+    return stored
+
+
+def _one(read: Dispersion, case: int, seed: int | None, store: Path | None, json: bool) -> int:
+    """Run one case again, print draws and answers, and hold them against the store."""
+    if seed is None:
+        raise refused("--seed", "", "is missing: a case is known by seed and number", "write the campaign's seed")
+    if case < 0:
+        raise refused("--case", case, "must be >= 0", "cases are numbered from 0")
+    row, draws = rerun(read, seed, case), drawn(read, seed, case, 1)[0]
+    same = None
+    if store is not None:
+        campaign = read_campaign(read, store, partial=True)
+        if case < campaign.count and campaign.done[case]:
+            same = bool(
+                np.array_equal(campaign.values[case], row.values[0], equal_nan=True)
+                and campaign.status[case] == row.status[0]
+            )
+    columns, status = columns_of(read), Status(int(row.status[0])).name.lower()
+    if json:
+        numbers = {c.name: float(v) if np.isfinite(v) else str(v) for c, v in zip(columns, row.values[0], strict=True)}
+        inputs = dict(zip(read.inputs, map(float, draws), strict=True))
+        told = {"case": case, "seed": str(seed), "draws": inputs, "answers": numbers}
+        print(json_text.dumps(told | {"status": status, "reason": row.reasons[0], "same": same}, indent=1))
+    else:
+        print(f"case {case} of seed {seed}: {status} {row.reasons[0]}".rstrip())
+        print("\n".join(f"  {name:32s} {x:.10g}" for name, x in zip(read.inputs, draws, strict=True)))
+        print("\n".join(f"  {c.name:32s} {x:.10g} {c.unit}" for c, x in zip(columns, row.values[0], strict=True)))
+        if same is not None:
+            print("the same bits as in the store" if same else "NOT the same as in the store")
+    return 1 if same is False else 0
+
+
+class _Rate(ProgressColumn):
+    """Cases a second."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.0f}/s" if task.speed else "-/s")
+
+
+@contextmanager
+def _progress() -> Iterator[Watch]:
+    """Show a bar with rate and time left on standard error; Ctrl-C and a polite kill end in the same way."""
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    columns = (BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    try:
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            bar = progress.add_task("cases", total=None)
+            yield lambda done, total: progress.update(bar, completed=done, total=total)
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,176 @@
+"""What is asked of a batch of cases: margins and required damping of each, or a nonlinear simulation of each."""
+
+import numpy as np
+from pydantic import ValidationError
+
+from sloshpy.batch import case_shape
+from sloshpy.case import Case
+from sloshpy.damping.laws import small_amplitude_ratio
+from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
+from sloshpy.dispersion.many_required import many_required
+from sloshpy.dispersion.rows import Column, Rows, Status, failed, joined
+from sloshpy.dispersion.varied import Varied, find_input, nominal, varied
+from sloshpy.dynamics.loop import open_loop
+from sloshpy.dynamics.response import transfer
+from sloshpy.errors import OutsideValidity
+from sloshpy.simulation import simulate_ensemble
+from sloshpy.simulation.ensemble import FLEXIBLE_STEP, SLOSH_STEP
+from sloshpy.stability import loop_margins
+from sloshpy.stability.touching import with_ratio
+from sloshpy.units import Array
+
+MARGINAL = 1e-6  # a disc margin this near its limit is on neither side: across computers rounding decides
+MOST_REASON = 200  # characters kept
+SPARE = 0.8  # of the ensemble's own step, for frequencies that follow from other inputs
+STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 2e-5 of a limit cycle
+
+
+def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
+    """Return what is kept of each case."""
+    c = dispersion.case.criteria
+    tanks = [tank.name for tank in dispersion.case.vehicle.tanks]
+
+    def engine(name: str, meaning: str) -> Column:
+        return Column(name=name, unit="rad", meaning=meaning, worst=1, limit=c.tvc_amplitude)
+
+    if isinstance(dispersion.analysis, Linear):
+        read = "where the dampings are read"
+        found = [
+            Column(name="disc_margin", unit="1", meaning=f"signed, {read}", worst=-1, limit=c.disc_margin),
+            Column(name="growth", unit="1/s", meaning=f"greatest growth of a pole {read}", worst=1, limit=0.0),
+        ]
+        for t in tanks:
+            found += [
+                Column(name=f"required_damping.{t}", unit="1", meaning="of the tank, for the disc margin", worst=1),
+                Column(name=f"slosh.{t}", unit="m", meaning="amplitude at which its law gives that", worst=1),
+                engine(f"engine.{t}", "engine amplitude in that oscillation"),
+            ]
+        return tuple(found)
+    found = []
+    for t in tanks:
+        found += [
+            Column(name=f"slosh_amplitude.{t}", unit="m", meaning="settled, half peak to peak", worst=1),
+            Column(name=f"slosh_peak.{t}", unit="m", meaning="greatest of the run", worst=1),
+        ]
+    return (
+        *found,
+        engine("engine_amplitude", "settled, half peak to peak"),
+        Column(name="engine_peak", unit="rad", meaning="greatest of the run", worst=1),
+        Column(name="engine_omega", unit="rad/s", meaning="frequency of the settled engine"),
+    )
+
+
+def answered(dispersion: Dispersion, seed: int, first: int, count: int) -> Rows:
+    """Return the rows of some cases; what one case raises is that case's alone."""
+    try:
+        batch = varied(dispersion, drawn(dispersion, seed, first, count))
+        if len(case_shape(dispersion.case)):
+            raise ValueError("a campaign's template is one case; a flight's times are campaigned one by one")
+        ask = _linear if isinstance(dispersion.analysis, Linear) else _nonlinear
+        return ask(dispersion, batch, first, count)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:  # pydantic's and our own are ValueErrors
+        if count == 1:
+            return failed(first, len(columns_of(dispersion)), Status.FAILED, _reason(error))
+    half = count // 2
+    return joined([answered(dispersion, seed, first, half), answered(dispersion, seed, first + half, count - half)])
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        one = error.errors(include_url=False)[0]
+        where = " ".join(str(step) for step in (*one["loc"], *one.get("ctx", {}).get("key", ())))
+        return f"{where} {one['msg']}".strip()[:MOST_REASON]
+    return (" ".join(str(error).split()) or type(error).__name__)[:MOST_REASON]
+
+
+def _damping(dispersion: Dispersion, batch: Varied, amplitude: float | None) -> Array:
+    """Return the damping ratios at which each case is read, (N, n_tanks)."""
+    laws = [tank.damping for tank in dispersion.case.vehicle.tanks]
+    read = [small_amplitude_ratio(x) if amplitude is None else float(x.ratio(amplitude)) for x in laws]
+    for tank, xi in zip(dispersion.case.vehicle.tanks, read, strict=True):
+        if not np.isfinite(xi):
+            raise OutsideValidity(f"{amplitude:g} m is outside the damping data of {tank.name}")
+    return np.asarray(np.array(read) * batch.damping_factor)
+
+
+def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Rows:
+    how = dispersion.analysis
+    assert isinstance(how, Linear)
+    case, criteria = batch.case, batch.case.criteria
+    loop = open_loop(
+        case, np.broadcast_to(_damping(dispersion, batch, how.amplitude), (count, len(case.vehicle.tanks)))
+    )
+    found = loop_margins(loop, criteria, crossings=False)
+    parts = [np.broadcast_to(found.nichols_disc_margin, count), np.broadcast_to(found.growth, count)]
+    for j, tank in enumerate(case.vehicle.tanks):
+        required, omega = many_required(loop, criteria, j)
+        amplitude = _amplitude(case, j, required, batch.damping_factor[:, j])
+        w = np.broadcast_to(tank.frequency, count)
+        slosh, engine = np.zeros(count), np.zeros(count)
+        moving = np.flatnonzero((amplitude > 0.0) & np.isfinite(amplitude) & np.isfinite(omega))
+        if len(moving):
+            at = with_ratio(loop, moving, j, required[moving])
+            gain = np.abs(transfer(at, 1j * omega[moving]).slosh[..., j])
+            slosh[moving] = amplitude[moving] * w[moving] / omega[moving]
+            engine[moving] = slosh[moving] / gain
+        never = ~np.isfinite(amplitude)
+        slosh[never], engine[never] = np.inf, np.inf
+        parts += [np.where(np.isnan(required), np.inf, required), slosh, engine]
+    values = np.stack(parts, axis=-1)
+    unknown = np.any(np.isnan(values), axis=1)
+    reasons = tuple("no finite disc margin" if bad else "" for bad in unknown)
+    status = np.where(unknown, float(Status.FAILED), float(Status.OK))
+    return Rows(first=first, values=values, status=status, reasons=reasons)
+
+
+def _amplitude(case: Case, tank: int, required: Array, factor: Array) -> Array:
+    """Return the amplitude in m at which a tank's law times its factor gives a ratio; inf where it never does."""
+    law = case.vehicle.tanks[tank].damping
+    wanted = np.where(np.isnan(required), np.inf, required) / np.where(factor > 0.0, factor, np.nan)
+    reachable = np.isfinite(wanted)
+    found = np.full(len(required), np.inf)
+    found[reachable] = law.amplitude(wanted[reachable])
+    found[required == 0.0] = 0.0
+    return np.where(np.isnan(found), np.inf, found)
+
+
+def step_of(dispersion: Dispersion) -> float:
+    """Return the time step in s of every run of a campaign: from the file, not from the draws.
+
+    So it is the same for every case and block, and the bits of a case do not depend on those beside it.
+    """
+    case = dispersion.case
+    slosh = max(float(np.max(tank.frequency)) for tank in case.vehicle.tanks)
+    bending = max((float(np.max(mode.frequency)) for mode in case.vehicle.flexible_modes), default=0.0)
+    widest = 1.0
+    for p in dispersion.parameters:
+        found = find_input(case, p.input)
+        if found.field == "frequency":
+            least = min(float(np.min(np.asarray(x))) for x in nominal(case, found))
+            widest = max(widest, p.distribution.high / (1.0 if p.factor else least))
+    return float(SPARE * min(SLOSH_STEP / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest)
+
+
+def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Rows:
+    how, step = dispersion.analysis, step_of(dispersion)
+    assert isinstance(how, Nonlinear)
+    case = batch.case.model_copy(update={"autopilot": batch.case.autopilot.degraded(how.gain, how.delay)})
+    for part, most in ((case.vehicle.tanks, SLOSH_STEP), (case.vehicle.flexible_modes, FLEXIBLE_STEP)):
+        for one in part:
+            if np.any(np.asarray(one.frequency) * step > STRETCH * most):
+                raise OutsideValidity(
+                    f"the frequency of {one.name} is too high for the campaign's step of {step:.4g} s"
+                )
+    run = simulate_ensemble(case, how.duration, how.initial_slosh, step, batch.damping_factor)
+    parts = []
+    for j in range(len(case.vehicle.tanks)):
+        parts += [run.slosh_amplitude[..., j], run.slosh_peak[..., j]]
+    still = (run.tvc_amplitude == 0.0) & np.isnan(run.tvc_omega)  # at rest: no frequency
+    parts += [run.tvc_amplitude, run.tvc_peak, np.where(still, 0.0, run.tvc_omega)]
+    values = np.stack([np.broadcast_to(x, count) for x in parts], axis=-1)
+    reasons = tuple(str(r) for r in np.broadcast_to(run.reason, count))
+    diverged = np.array([r.startswith("diverged") for r in reasons])
+    status = np.where(diverged, Status.DIVERGED, np.where([r == "" for r in reasons], Status.OK, Status.UNSETTLED))
+    greater = np.array([column.worst > 0 for column in columns_of(dispersion)])
+    values = np.where(diverged[:, None] & greater, np.inf, values)
+    return Rows(first=first, values=values, status=status.astype(float), reasons=reasons)

@@ -1,0 +1,181 @@
+"""A case with draws put in the place of its inputs: the number of the case is the first axis of every varied field."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from sloshpy.autopilot import Autopilot
+from sloshpy.batch import case_shape
+from sloshpy.case import Case
+from sloshpy.dispersion.dispersion import Dispersion
+from sloshpy.units import Array, Quantity, Real
+from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, SloshMass, Vehicle
+
+DAMPING = "damping"  # of a tank: its law times a factor
+_PENDULUM = {"station", "frequency"}  # follow from hinge and length where a tank is a pendulum
+_SPRING = {"hinge_station", "pendulum_length"}
+_NOUNS: dict[str, type[BaseModel]] = {
+    "vehicle": Vehicle,
+    "tank": SloshMass,
+    "flexible_mode": FlexibleMode,
+    "engine": Engine,
+    "aerodynamics": Aerodynamics,
+    "autopilot": Autopilot,
+}
+_ALONE = {"radius"}  # carry axes, but change no answer of a campaign
+
+
+@dataclass(frozen=True, kw_only=True)
+class Input:
+    """Where a parameter goes: the noun, which of several (None: there is one), the field, and its unit and range."""
+
+    noun: str
+    names: tuple[str, ...] | None
+    field: str
+    quantity: Quantity | None  # None: a tank's damping, a factor only
+
+
+def find_input(case: Case, text: str) -> Input:
+    """Return where an input such as "tank.LOX.frequency" stands in a case.
+
+    Raises:
+        ValueError: with the rule that the text breaks and the cure, parted by a line end.
+    """
+    steps = re.fullmatch(r"([a-z_]+)(?:\.(.+))?\.([a-z_]+)", text)
+    if steps is None or steps.group(1) not in _NOUNS:
+        raise ValueError(f'names no input\nwrite "vehicle.mass", "tank.LOX.frequency"; tables: {", ".join(_NOUNS)}')
+    noun, which, field = steps.groups()
+    several = noun in {"tank", "flexible_mode"}
+    names: tuple[str, ...] | None = None
+    if several:
+        names = _chosen(case, noun, which)
+    elif which is not None:
+        raise ValueError(f'has too many parts\nwrite "{noun}.{field}"')
+    elif noun in {"engine", "aerodynamics"} and getattr(case.vehicle, noun) is None:
+        raise ValueError(f"the case has no [{noun}]\nadd it to the case or leave the input out")
+    if noun == "tank" and field == DAMPING:
+        return Input(noun=noun, names=names, field=field, quantity=None)
+    quantity = _quantities(_NOUNS[noun]).get(field)
+    if quantity is None:
+        known = sorted({*_quantities(_NOUNS[noun]), *({DAMPING} if noun == "tank" else set())} - _ALONE)
+        raise ValueError(f"{noun} has no input {field} that can vary\nit has {', '.join(known)}")
+    found = Input(noun=noun, names=names, field=field, quantity=quantity)
+    for tank in case.vehicle.tanks if noun == "tank" else ():
+        follows = _SPRING if tank.pendulum_length is None else _PENDULUM
+        if names is not None and tank.name in names and field in follows:
+            other = _PENDULUM if tank.pendulum_length is None else _SPRING
+            raise ValueError(f"{tank.name} is given in the other form\nvary {' or '.join(sorted(other))}")
+    if any(v is None for v in nominal(case, found)):
+        raise ValueError("is not given in the case\ngive it there first")
+    return found
+
+
+def _chosen(case: Case, noun: str, which: str | None) -> tuple[str, ...]:
+    """Return the names of the tanks or modes that an input means."""
+    there = [x.name for x in (case.vehicle.tanks if noun == "tank" else case.vehicle.flexible_modes)]
+    if not there:
+        raise ValueError(f"the case has no [[{noun}]]\nadd one to the case or leave the input out")
+    if which == "*":
+        return tuple(there)
+    if which not in there:
+        raise ValueError(f'names no {noun} of the case\nwrite "{noun}.{there[0]}...." or "{noun}.*...."')
+    return (which,)
+
+
+def _quantities(noun: type[BaseModel]) -> dict[str, Quantity]:
+    """Return the fields of a noun that may carry leading axes, with unit and range."""
+    found = {}
+    for name, field in noun.model_fields.items():
+        arguments = getattr(field.annotation, "__args__", ())
+        kinds = [field.annotation, *arguments, *(getattr(a, "__origin__", None) for a in arguments)]
+        metadata = [*field.metadata, *(m for a in arguments for m in getattr(a, "__metadata__", ()))]
+        quantity = next((m for m in metadata if isinstance(m, Quantity)), None)
+        if quantity is not None and not quantity.sequence and any(k in (Real, Array) for k in kinds):
+            found[name] = quantity
+    return {name: q for name, q in found.items() if name not in _ALONE}
+
+
+def nominal(case: Case, found: Input) -> list[Real | None]:
+    """Return the case's values of an input, one for each tank or mode that it means."""
+    v = case.vehicle
+    holders: dict[str, Any] = {
+        "vehicle": [v],
+        "autopilot": [case.autopilot],
+        "engine": [v.engine],
+        "aerodynamics": [v.aerodynamics],
+        "tank": [t for t in v.tanks if found.names and t.name in found.names],
+        "flexible_mode": [f for f in v.flexible_modes if found.names and f.name in found.names],
+    }
+    if found.quantity is None:
+        return [1.0 for _ in holders[found.noun]]
+    return [getattr(holder, found.field) for holder in holders[found.noun]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Varied:
+    """A batch of cases, case numbers on the first axis, and what multiplies each tank's damping, (N, ..., n_tanks)."""
+
+    case: Case
+    damping_factor: Array
+
+
+def varied(dispersion: Dispersion, draws: Array) -> Varied:
+    """Return the case with draws (N, parameters) in place of its inputs; each noun proves itself as from a file.
+
+    Axes of the template, such as times of a flight, follow the case numbers. Where the thrust varies and the vectored
+    thrust does not, it keeps its part of the thrust: that is how the engines are arranged.
+
+    Raises:
+        ValidationError: some draw makes no sound vehicle or autopilot.
+    """
+    template = dispersion.case
+    depth = len(case_shape(template))
+    factor = np.ones((len(draws), *(1,) * depth, len(template.vehicle.tanks)))
+    changes: list[tuple[Input, Callable[[Real], Real]]] = []
+    for k, parameter in enumerate(dispersion.parameters):
+        found, draw = find_input(template, parameter.input), draws[:, k].reshape(-1, *(1,) * depth)
+        if found.quantity is None:
+            for j, tank in enumerate(template.vehicle.tanks):
+                if found.names is not None and tank.name in found.names:
+                    factor[..., j] *= draw
+        else:
+            changes.append((found, _change(draw, parameter.factor)))
+    return Varied(case=_rebuilt(template, changes), damping_factor=factor)
+
+
+def _change(draw: Array, factor: bool) -> Callable[[Real], Real]:
+    return lambda value: np.asarray(value * draw if factor else draw + 0.0 * np.asarray(value))
+
+
+def _rebuilt(case: Case, changes: list[tuple[Input, Callable[[Real], Real]]]) -> Case:
+    """Return a case with some fields changed, made anew so that every check is asked."""
+
+    def fields(value: BaseModel, noun: str, name: str | None = None) -> dict[str, Any]:
+        given = {k: getattr(value, k) for k in type(value).model_fields}
+        for found, change in changes:
+            if found.noun == noun and (found.names is None or name in found.names):
+                given[found.field] = change(given[found.field])
+        return given
+
+    v = case.vehicle
+    given = fields(v, "vehicle")
+    if not any(f.noun == "vehicle" and f.field == "vectored_thrust" for f, _ in changes):
+        part = np.asarray(v.vectored_thrust) / v.thrust
+        given["vectored_thrust"] = given["thrust"] * part if np.any(part != 1.0) else given["thrust"]
+    tanks = []
+    for tank in v.tanks:
+        own = fields(tank, "tank", tank.name)
+        for name in _PENDULUM if tank.pendulum_length is not None else _SPRING:
+            del own[name]
+        tanks.append(SloshMass(**own))
+    given["tanks"] = tuple(tanks)
+    given["flexible_modes"] = tuple(type(mode)(**fields(mode, "flexible_mode", mode.name)) for mode in v.flexible_modes)
+    for name in ("engine", "aerodynamics"):
+        if (part := getattr(v, name)) is not None:
+            given[name] = type(part)(**fields(part, name))
+    autopilot = Autopilot(**fields(case.autopilot, "autopilot"))
+    return Case(name=case.name, vehicle=Vehicle(**given), autopilot=autopilot, criteria=case.criteria)
