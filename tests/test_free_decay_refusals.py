@@ -206,3 +206,11 @@ def test_a_time_that_does_not_increase_and_a_hole_are_refused_at_their_row() -> 
 def test_too_many_samples_are_refused_before_any_work() -> None:
     time = np.arange(0.0, 2000.1, 0.01)
     assert "fitted at once" in refusal(line(time), time)
+
+
+def test_a_swing_larger_than_any_tank_is_refused_before_the_fit():
+    t = np.arange(0.0, 60.0, 0.05)
+    value = 2e4 * np.exp(-0.03 * t) * np.cos(3.0 * t)  # furlongs taken for metres
+    record = DecayRecord(time=t, value=value, unit="m", column="wave")
+    with pytest.raises(InputError, match="no slosh-mass displacement"):
+        free_decay(record, "wave", per_displacement=1.5, frequency_hint=3.0)

@@ -280,6 +280,8 @@ def _judge_loop(all_: _Findings, case: Case, found: Margins, poles: Poles, tanks
             "is neutral: its pole lies on the imaginary axis"
             if on_axis
             else f"is unstable: it grows at {value.real:.4g} 1/s"
+            if np.isfinite(value)
+            else "is not known: no pole of the loop is found near that of its approximation"
         )
         all_.failed.append(f"{name} mode {what}")
     other = _other_minima(found, tanks)

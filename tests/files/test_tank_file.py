@@ -82,6 +82,7 @@ ONE_FAULT = {
     "unknown key": ("[liquid]", "[liquid]\nviscosity = 3", 6, "liquid viscosity", "is an unknown key"),
     "negative radius": ('"2.5 m"', '"-2.5 m"', 9, "shape radius", "must be > 0 m"),
     "ring above the top": ('"5.9 m"', '"15 m"', 13, "baffle 1 height", "must be <= 10 m"),
+    "a ring that is a bulkhead": ('"0.2 m"', '"2.6 m"', 14, "baffle 1 width", "must be < 2.5 m"),
     "no baffle of ours": ('"ring"', '"plate"', 12, "baffle 1 kind", "is no baffle"),
     "annulus inside out": (
         SHAPE,

@@ -14,7 +14,7 @@ from sloshpy import plots
 from sloshpy.case import Case
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.errors import OutsideValidity
-from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve, limit_cycles
+from sloshpy.limit_cycle import LimitCycle, degradation_map, growth_curve, limit_cycles, predict_limit_cycle
 from sloshpy.plots.style import SMALL
 from sloshpy.simulation import TimeHistory, simulate, simulate_degraded
 from sloshpy.stability import (
@@ -79,7 +79,7 @@ def test_axis_labels_carry_units(drawn: dict[str, Axes], name: str, x: str, y: s
     ("name", "words"),
     [
         ("nichols", "needs 4.74 % damping"),
-        ("degradation", "at most 0.27 deg, within the limit of 0.5 deg"),
+        ("degradation", "take 0.283 deg, within the limit of 0.5 deg"),
         ("locus", "+0.0511 1/s"),
         ("zone", "needs 4.74 % slosh damping; below 2.39 % it is unstable"),
         ("tvc", "m/rad at 1.2 % damping"),
@@ -235,3 +235,15 @@ def test_a_motion_that_dies_down_is_titled_by_its_peak_and_what_is_left(case: Ca
     words = title(plots.plot_time_history(run)[0])
     assert words.startswith("Peaks at 0.2 m of LOX slosh")
     assert f"dies down to {100.0 * run.left:.2g} % of that within 60 s" in words
+
+
+def test_the_map_names_the_number_of_the_five_steps_where_it_is_greater(case: Case) -> None:
+    found = degradation_map(case)
+    cycle = predict_limit_cycle(case)
+    assert found.worst == max(found.worst_inside, cycle.worst_tvc_amplitude)
+    assert found.worst > found.worst_inside
+    between = case.criteria.model_copy(update={"tvc_amplitude": 0.5 * (found.worst_inside + found.worst)})
+    tight = replace(found, case=case.model_copy(update={"criteria": between}))
+    words = title(plots.plot_degradation_map(tight))
+    assert "the five steps, which decide" in words
+    assert "beyond the limit" in words

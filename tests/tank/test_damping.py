@@ -224,3 +224,13 @@ def test_the_law_of_a_ringed_tank_ends_where_the_formula_does():
     assert np.isfinite(law.ratio(0.129))
     assert np.isnan(law.ratio(0.131))
     assert np.isnan(law.acceleration(0.131 * 3.0, 3.0))
+
+
+def test_a_ring_written_twice_is_refused():
+    """Two rings in one place damp as one, not twice as much."""
+    ring = {"height": 5.0, "width": 0.2}
+    with pytest.raises(ValueError, match="together they damp as one"):
+        tank(CYLINDER, 6.0, baffle=(ring, ring))
+    with pytest.raises(ValueError, match="together they damp as one"):
+        tank(CYLINDER, 6.0, baffle=(ring, ring | {"height": 5.1}))
+    assert len(tank(CYLINDER, 6.0, baffle=(ring, ring | {"height": 5.5})).baffle) == 2

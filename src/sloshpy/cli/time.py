@@ -65,7 +65,8 @@ def simulate_command(
         wind=None if gust is None else _gust(gust, gust_duration),
     )
     print(result)
-    return save(plots.plot_time_history(result), path)
+    save(plots.plot_time_history(result), path)
+    return 1 if result.stopped else 0
 
 
 @app.command

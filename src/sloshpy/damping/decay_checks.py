@@ -9,6 +9,7 @@ from sloshpy.damping.decay_fit import DecayFit
 from sloshpy.damping.decay_model import wave
 from sloshpy.damping.decay_record import MOST_SAMPLES, DecayRecord
 
+LARGEST = 100.0  # m of slosh-mass displacement, peak
 LEAST_CYCLES = 5.0
 LEAST_SAMPLES_PER_CYCLE = 10.0
 _SLOWEST, _FASTEST = 0.005, 50.0  # Hz: of slosh, from a stage coasting at a thousandth of g to a beaker
@@ -50,6 +51,16 @@ def sampling_of(record: DecayRecord, hint: float | None) -> Sampling:
     if hint is not None:
         _enough_samples(record, step, hint, "hinted")
     return found
+
+
+def check_size(record: DecayRecord, per_displacement: float | None) -> None:
+    """Refuse a swing that is no slosh-mass displacement in any tank."""
+    if per_displacement is None:
+        return
+    swing = 0.5 * float(np.ptp(record.value)) / per_displacement
+    if swing > LARGEST:
+        rule = f"is no slosh-mass displacement: at most {LARGEST:g} m"
+        raise record.refused(f"a swing of {swing:.4g} m", rule, f"check the unit of {record.column} and the scale")
 
 
 def check_line(record: DecayRecord, sampling: Sampling, w: float) -> None:

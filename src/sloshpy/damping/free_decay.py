@@ -54,6 +54,7 @@ def free_decay(
     scale = _scale(record, measured, per_displacement)
     part = record.between(start, end)
     checks.check_constant(part)
+    checks.check_size(part, scale)
     sampling = checks.sampling_of(part, frequency_hint)
     line = main_line(part, strongest_line(part, frequency_hint))
     checks.check_line(part, sampling, line.frequency)

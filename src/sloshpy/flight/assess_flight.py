@@ -39,7 +39,7 @@ class FlightAssessment:
 
     def __str__(self) -> str:
         t = self.trajectory
-        said = {"linear": "NO VERDICT, limit cycles were not asked for; linear criteria met"}
+        said = {"linear": "NO VERDICT, limit cycles decide on slosh and were not asked for; all else is met"}
         lines = [f"{said.get(self.verdict, self.verdict.upper())}  {t.name}"]
         lines.append(
             f"  {t.count} times in {len(t.phases)} phases from {t.phases[0].time[0]:g} to {t.phases[-1].time[-1]:g} s"

@@ -78,6 +78,12 @@ class DegradationMap:
         """Greatest engine amplitude in the cells within the ellipse and on it, rad; nan where one has no number."""
         return float(np.max(np.append(self.tvc[self.inside], self.ellipse_tvc), initial=0.0))
 
+    @property
+    def worst(self) -> float:
+        """The same with the five steps, which take the greatest over the whole band about the cycle, rad."""
+        band = self.predicted.worst_tvc_amplitude
+        return max(self.worst_inside, band) if np.isfinite(band) else self.worst_inside
+
     def __str__(self) -> str:
         cells = [f"{np.sum(self.reason == k)} {words}" for k, words in enumerate(REASONS) if np.any(self.reason == k)]
         worst = self.worst_inside
@@ -87,6 +93,8 @@ class DegradationMap:
             f"{1e3 * self.delay[0]:.4g} to {1e3 * self.delay[-1]:.4g} ms",
             f"  greatest engine amplitude inside the disc margin: {told}, limit {1e3 * self.limit:.3f} mrad",
         ]
+        if self.worst > worst:
+            lines.append(f"  the five steps, which decide, take {1e3 * self.worst:.3f} mrad over the band")
         if np.isfinite(self.point[0]):
             number = f"{1e3 * self.point_tvc:.3f} mrad" if np.isfinite(self.point_tvc) else "not supported"
             lines.append(f"  the paper's point: {self.point[0]:.3f} dB, {1e3 * self.point[1]:.1f} ms, {number}")

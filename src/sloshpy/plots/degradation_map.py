@@ -112,11 +112,16 @@ def _contours(ax: Axes, found: DegradationMap, z: "np.ma.MaskedArray[tuple[int, 
 
 
 def _message(found: DegradationMap) -> str:
-    worst, limit = np.degrees(found.worst_inside), np.degrees(found.limit)
+    inside, worst, limit = (np.degrees(x) for x in (found.worst_inside, found.worst, found.limit))
     start = f"Degraded anywhere inside the disc margin, {found.tank}'s loop"
-    if np.isnan(worst):
+    if np.isnan(inside):
         return f"{start} has degradations for which no limit cycle can be predicted"
-    if np.isinf(worst):
+    if np.isinf(inside):
         return f"{start} has degradations for which it diverges"
     sign = "within" if worst <= limit else "beyond"
-    return f"{start} cycles the engine by at most {worst:.2g} deg, {sign} the limit of {limit:.2g} deg"
+    if worst > inside:
+        return (
+            f"{start} cycles the engine by {inside:.3g} deg; the five steps, which decide, take {worst:.3g} deg, "
+            f"{sign} the limit of {limit:.3g} deg"
+        )
+    return f"{start} cycles the engine by at most {inside:.3g} deg, {sign} the limit of {limit:.3g} deg"

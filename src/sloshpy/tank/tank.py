@@ -2,6 +2,7 @@
 
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
 from sloshpy.damping.laws import MOST_DAMPING
@@ -120,12 +121,25 @@ class Tank(BaseModel):
             if ring.height > self.height:
                 rule = f"must be <= {self.height:.6g} m, the height of the tank"
                 raise refusal(("baffle", j, "height"), rule, "it counts from the lowest point")
+            if ring.width >= self.radius:
+                rule = f"must be < {self.radius:.6g} m, the radius of the tank: it would be a bulkhead"
+                raise refusal(("baffle", j, "width"), rule, "it counts from the wall inwards")
+            for other in self.baffle[:j]:
+                if abs(other.height - ring.height) < max(other.width, ring.width):
+                    rule = f"is less than a ring's width from the one of {other.height:g} m: together they damp as one"
+                    raise refusal(("baffle", j, "height"), rule, "leave one of them, or set them further apart")
         return self
 
     @property
     def height(self) -> float:
         """Height of the tank's top, m."""
         return float(self.shape.outer[-1].point(1.0)[1])
+
+    @property
+    def radius(self) -> float:
+        """Greatest radius of the wall, m."""
+        along = np.linspace(0.0, 1.0, 65)
+        return float(max(np.max(piece.point(t)[0]) for piece in self.shape.outer for t in along))
 
     @property
     def volume(self) -> float:
