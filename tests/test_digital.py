@@ -1,6 +1,7 @@
 """Digital autopilots: sampled sensors, filters in z, a held command; the sampled loop itself as the witness."""
 
 import itertools
+import json
 
 import control
 import numpy as np
@@ -169,7 +170,12 @@ def test_a_bending_mode_folded_into_the_loop_is_found_out():
     loud = with_autopilot(case.model_copy(update={"vehicle": vehicle}), sample_time=T, delay=0.0)
     found = assess(loud)
     assert found.verdict == "invalid"
-    assert any("FOLDING" in reason for reason in found.reasons)
+    assert len(found.reasons) == 1
+    assert found.reasons[0].startswith("FOLDING")
+    assert "disc margin -" not in str(found)
+    said = json.loads(found.to_json())
+    assert said["stable"] is said["disc_margin"] is said["limit_cycles"] is None
+    assert said["tanks"][0]["limit_cycle"] is said["tanks"][0]["required_damping"] is None
 
 
 def test_a_quiet_digital_loop_says_what_folding_is_worth():

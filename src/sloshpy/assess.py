@@ -3,7 +3,7 @@
 import functools
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,7 +153,7 @@ class Assessment:
         if self.cycles is not None:
             cycles = [_cycle(cycle) for cycle in self.cycles]
         head = {"name": self.case.name, "verdict": self.verdict, "reasons": list(self.reasons)}
-        tanks = [_tank(tank, m.trusted) for tank in self.tanks]
+        tanks = [_tank(tank, m.trusted) | (_UNKNOWN if m.folded else {}) for tank in self.tanks]
         return head | loop | {"tanks": tanks, "limit_cycles": cycles}
 
     def to_dataset(self) -> "xr.Dataset":
@@ -182,15 +182,20 @@ def assess(case: Case, damping: Real | None = None, amplitude: Real | None = Non
         raise ValueError("no tank: there is no slosh to assess")
     loop = open_loop(case, damping, amplitude)
     found, poles = loop_margins(loop, case.criteria), closed_loop_poles(loop)
+    folded = folding(found)
+    if folded is not None and not folded.tolerated:
+        found = replace(found, folded=True)
     others = joint_damping(case)
     tanks = tuple(_review(case, j, loop.damping, found, others) for j in range(len(case.vehicle.tanks)))
     cycles: tuple[Cycle, ...] | None = None
     unsupported = ""
     try:
-        cycles = limit_cycles(case)
+        cycles = None if found.folded else limit_cycles(case)
     except OutsideValidity as error:
         unsupported = str(error)
     verdict, reasons = _verdict(case, found, poles, tanks, cycles, unsupported)
+    if folded is not None:  # without a model that holds there is nothing else to say
+        reasons = (str(folded),) if found.folded else (*reasons, str(folded))
     return Assessment(
         case=case,
         verdict=verdict,
@@ -242,9 +247,6 @@ def _verdict(
         all_.invalid.append(
             "WITNESS: closed-loop poles and the encirclement count disagree on stability; no margin is given"
         )
-    folded = folding(found)
-    if folded is not None:
-        (all_.told if folded.tolerated else all_.invalid).append(str(folded))
     _judge_loop(all_, case, found, poles, len(tanks))
     _judge_tanks(all_, case, tanks)
     for one in cycles or ():
@@ -256,7 +258,7 @@ def _verdict(
     if unsupported:
         all_.invalid.append(unsupported)
     verdict = "invalid" if all_.invalid and not all_.failed else "fail" if all_.failed else "pass"
-    if not found.trusted or (folded is not None and not folded.tolerated):
+    if not found.trusted:
         verdict = "invalid"
     first = (*all_.failed, *all_.invalid) if verdict == "fail" else (*all_.invalid, *all_.failed)
     rest = (*all_.told, *all_.cautions)
@@ -335,6 +337,11 @@ def _read_at(case: Case, used: Array, damping: Real | None, amplitude: Real | No
         else "small amplitude"
     )
     return f"{how}: {at}"
+
+
+_UNKNOWN: dict[str, Any] = dict.fromkeys(
+    ("neutral_damping", "required_damping", "required_damping_together", "limit_cycle")
+)
 
 
 def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from sloshpy.stability import (
     root_locus,
 )
 
-UNTRUSTED = "poles and encirclement count disagree on stability, so that no figure resting on it is drawn"
+UNTRUSTED = "poles and encirclement count disagree, or the sampler folds: no figure that rests on the margins is drawn"
 
 
 @dataclass(frozen=True, kw_only=True)

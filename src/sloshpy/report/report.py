@@ -73,7 +73,7 @@ def report_html(assessment: Assessment, full: bool = False) -> str:
     return pages.get_template("template.html").render(
         a=assessment,
         version=importlib.metadata.version("sloshpy"),
-        tables=[criteria_table(assessment), tank_table(assessment), *loop],
+        tables=[criteria_table(assessment), *([] if m.folded else [tank_table(assessment)]), *loop],
         figures=[_shown(k, figure) for k, figure in enumerate(figures(assessment, full))],
         inputs=input_rows(assessment.case),
         cautions=[reason for reason in assessment.reasons if "caution" in reason or "not checked" in reason],

@@ -47,6 +47,7 @@ class Margins:
     within 40 dB.
     groups: names of the shares' last axis: slosh of each tank, bending modes, the rigid body with its controller.
     source, criteria: what they were made from.
+    folded: a digital autopilot's sampler folds so much into the loop that none of this holds; see `stability.folding`.
     """
 
     stable: BoolArray
@@ -58,6 +59,7 @@ class Margins:
     groups: tuple[str, ...]
     source: Loop
     criteria: Criteria
+    folded: bool = False
 
     @property
     def neutral(self) -> BoolArray:
@@ -67,7 +69,9 @@ class Margins:
 
     @property
     def trusted(self) -> bool:
-        """Whether poles and encirclement count agree, where both were asked and can tell."""
+        """Whether poles and encirclement count agree, where both were asked and can tell, and nothing is folded in."""
+        if self.folded:
+            return False
         return self.witness is None or bool(self.neutral) or bool(self.witness == self.stable)
 
     @property
