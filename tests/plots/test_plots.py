@@ -78,6 +78,7 @@ def test_axis_labels_carry_units(drawn: dict[str, Axes], name: str, x: str, y: s
 @pytest.mark.parametrize(
     ("name", "words"),
     [
+        ("bode", "slosh mode at 0.338 Hz"),  # the open-loop pole of the plant, 2.1248 rad/s; the tank alone is at 0.318
         ("nichols", "needs 4.74 % damping"),
         ("degradation", "take 0.283 deg, within the limit of 0.5 deg"),
         ("locus", "+0.0511 1/s"),

@@ -35,7 +35,7 @@ def plot_bode(sweep: DampingSweep, ax: Sequence[Axes] | None = None) -> tuple[Ax
     for angle in critical[(critical > least) & (critical < most)]:
         mark_line(phase, float(angle), f"{angle:.0f} deg", at=0.02, color=INK, linestyle="-", linewidth=0.8)
     tank = sweep.required.tank
-    frequency = float(sweep.case.vehicle.tanks[sweep.tank].frequency) / (2.0 * np.pi)
+    frequency = float(sweep.peak[1, 0]) / (2.0 * np.pi)  # of the mode in the vehicle, not of the tank at rest
     gain.set_xlim(low, high)
     step = 45.0 if most - least < 300.0 else 90.0
     phase.set_yticks(np.arange(step * np.ceil(least / step), most, step))
