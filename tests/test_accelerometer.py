@@ -15,7 +15,8 @@ from sloshpy.batch import for_each
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import PowerDamping
 from sloshpy.dynamics import frequency_response, open_loop, plant, without_drift
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth, unstable_count
+from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.poles import closed_loop_eigenvalues, unstable_count
 from sloshpy.dynamics.response import frequency_sensitivity, transfer
 from sloshpy.errors import InputError, OutsideValidity
 from sloshpy.files import read_case, to_control, write_case

@@ -10,7 +10,8 @@ from cases import paper_case, real_case, xi
 from sloshpy.autopilot import Actuator, Autopilot, Filter
 from sloshpy.damping import PowerDamping
 from sloshpy.dynamics import closed_loop_poles, frequency_response, open_loop
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth, unstable_count
+from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.poles import closed_loop_eigenvalues, unstable_count
 from sloshpy.files import case_schema, read_case, to_control, write_case
 from sloshpy.report.inputs import input_rows
 from sloshpy.simulation import simulate

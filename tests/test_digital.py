@@ -15,7 +15,8 @@ from sloshpy.assess import assess
 from sloshpy.autopilot import Actuator, Autopilot, DigitalFilter, Filter, forward_transfer
 from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics import open_loop
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth
+from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.poles import closed_loop_eigenvalues
 from sloshpy.dynamics.sampled import sampled_loop
 from sloshpy.errors import OutsideValidity
 from sloshpy.files import case_schema, from_control, read_case, to_control, write_case

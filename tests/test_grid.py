@@ -1,13 +1,18 @@
 """Surveys of many loops on a common grid agree with the oracle, loop by loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import oracle
-from cases import paper_case, random_case, xi
+from cases import paper_case, random_case, real_case, xi
 from sloshpy.case import Criteria
-from sloshpy.dynamics import open_loop
-from sloshpy.stability.grid import _nearest, grid_sweep
+from sloshpy.dynamics import modal, open_loop
+from sloshpy.dynamics.modal import _plant_modes
+from sloshpy.dynamics.response import unfed
+from sloshpy.stability.grid import grid_sweep
+from sloshpy.stability.nearest import nearest
 from sloshpy.vehicle import SloshMass
 
 OMEGA = np.geomspace(0.2, 12.0, 500)
@@ -89,6 +94,47 @@ def test_the_grid_finds_the_nearest_point_of_every_curve_also_of_silent_and_infi
     for rows in (slice(None), slice(0, 3), slice(4, 20)):
         with np.errstate(divide="ignore"):
             distance = oracle.disc_margin(L[rows]) * np.pi / 6.0
-        where, squared = _nearest(-L[rows].real, -L[rows].imag, weight)
+        where, squared = nearest(-L[rows].real, -L[rows].imag, weight)
         assert np.array_equal(where, np.argmin(distance, axis=-1))
         assert np.sqrt(squared) == pytest.approx(np.min(distance, axis=-1), rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("changed", [(0,), (2,), (0, 1), (0, 1, 2)])
+def test_dampings_of_some_tanks_alone_move_the_slosh_of_all(changed):
+    case, own = random_case(np.random.default_rng(11), tanks=3)
+    damping = np.tile(own, (4, 1))
+    damping[:, changed] = DAMPINGS[:, None]
+    found = grid_sweep(open_loop(case, damping), OMEGA, Criteria())
+    for j in range(4):
+        least, _, slosh, stable = by_oracle(case, damping[j])
+        assert found.least[j] == pytest.approx(least, rel=1e-8)
+        assert found.slosh[j] == pytest.approx(slosh, rel=1e-8)
+        assert found.stable[j] == stable
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_modes_of_a_plant_give_what_its_equations_give(seed):
+    case, _ = real_case(np.random.default_rng(seed))
+    loop = open_loop(case)
+    n = len(loop.plant.tanks)
+    batch = replace(loop, damping=np.tile(loop.damping, (2, 1)))
+    ratio = np.full(n, 0.003)
+    modes = _plant_modes(batch.take(np.arange(2)), ratio)
+    for own, true in zip(modes[1].at(OMEGA), unfed(loop, 1j * OMEGA, ratio), strict=True):
+        true = np.moveaxis(true, 0, -1)
+        assert np.max(np.abs(own - true)) < 1e-9 * np.max(np.abs(true), initial=1e-30)
+
+
+def test_plants_without_a_basis_of_modes_are_solved_frequency_by_frequency(monkeypatch):
+    twin = SloshMass(name="twin", slosh_mass=1e3, station=9.0, frequency=2.0, damping=xi(0.01))
+    loop = open_loop(paper_case(xi(0.01), more=(twin,)), DAMPINGS[:, None] * np.ones(2))
+    found = grid_sweep(loop, OMEGA, Criteria())
+    monkeypatch.setattr(modal, "AGREEMENT", 0.0)  # no mode is good enough
+    solved = grid_sweep(loop, OMEGA, Criteria())
+    assert np.any(found.least != solved.least)
+    for j, damping in enumerate(DAMPINGS):
+        case = paper_case(xi(0.01), more=(twin,))
+        least, _, slosh, _ = by_oracle(case, np.full(2, damping))
+        for way in (found, solved):
+            assert way.least[j] == pytest.approx(least, rel=1e-8)
+            assert way.slosh[j] == pytest.approx(slosh, rel=1e-8)

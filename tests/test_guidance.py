@@ -14,7 +14,8 @@ from sloshpy.autopilot import Actuator
 from sloshpy.case import Criteria
 from sloshpy.damping import PowerDamping
 from sloshpy.dynamics import closed_loop_poles, frequency_response, open_loop, open_loop_poles
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth, unstable_count
+from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.poles import closed_loop_eigenvalues, unstable_count
 from sloshpy.dynamics.response import frequency_sensitivity
 from sloshpy.errors import InputError, OutsideValidity
 from sloshpy.files import read_case, to_control, write_case

@@ -8,7 +8,8 @@ import oracle
 import oracle_flexible
 from cases import paper_case, random_case, real_case, xi
 from sloshpy.dynamics import open_loop
-from sloshpy.dynamics.poles import greatest_growth, unstable_count
+from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.poles import unstable_count
 from sloshpy.files import read_case, to_control, write_example
 from sloshpy.stability import margin_table, margins
 from sloshpy.vehicle import Aerodynamics, SloshMass, Vehicle

@@ -7,7 +7,8 @@ import pytest
 import oracle
 from cases import paper_case, random_case
 from sloshpy.dynamics import closed_loop_poles, open_loop, open_loop_poles
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, greatest_growth, unstable_count
+from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.poles import closed_loop_eigenvalues, unstable_count
 
 
 def near(values, wanted):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sloshpy.autopilot.autopilot import Actuator, Autopilot, Filter
-from sloshpy.units import Array
+from sloshpy.units import Array, ComplexArray
 
 LEAST_DELAY = 1e-5  # s, of the approximation only: the exact delay is what poles are polished on
 PADE_ORDER = 8  # orders 1 to 4 give wrong verdicts with bending modes; from 6 on none was found
@@ -52,9 +52,7 @@ def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:
 
     A cascade of second-order sections keeps its accuracy where one polynomial's coefficients spread over ten decades.
     """
-    k = np.arange(order + 1)
-    coefficients = [math.comb(order, int(i)) * math.factorial(2 * order - int(i)) / math.factorial(order) for i in k]
-    poles = np.roots(coefficients[::-1])  # of the denominator; the numerator's are their mirror images
+    poles = np.roots(_pade(order)[::-1])  # of the denominator; the numerator's are their mirror images
     poles = poles[poles.imag > 0.0]
     A, B, C = np.zeros((order, order)), np.zeros(order), np.zeros(order)
     D = 1.0
@@ -74,18 +72,33 @@ def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:
     )
 
 
-def series_blocks(autopilot: Autopilot, delay_parts: int = 1) -> list[Block]:
+def _pade(order: int) -> list[float]:
+    """Return the coefficients of the diagonal approximation's denominator in rising powers of s tau."""
+    return [math.comb(order, k) * math.factorial(2 * order - k) / math.factorial(order) for k in range(order + 1)]
+
+
+def delay_error(delay: Array, s: ComplexArray, parts: int, order: int = PADE_ORDER) -> Array:
+    """Return |e(s) exp(s tau) - 1| of the delay e(s) that `series_blocks` takes for exp(-s tau)."""
+    x = s * np.maximum(delay, LEAST_DELAY) / parts
+    bottom = np.array(_pade(order))[::-1]
+    top = bottom * (-1.0) ** np.arange(order, -1, -1)
+    with np.errstate(all="ignore"):  # far from the origin nothing is left of either: infinite, or no number
+        error = np.abs((np.polyval(top, x) / np.polyval(bottom, x)) ** parts * np.exp(s * delay) - 1.0)
+    return np.where(np.isfinite(error), error, np.inf)
+
+
+def series_blocks(autopilot: Autopilot, delay_parts: int = 1, order: int = PADE_ORDER) -> list[Block]:
     """Return the blocks from the gain's output to the engine angle in signal order; a zero delay is no block.
 
     Of a digital autopilot approximations: its filters bilinear, its hold as half a period of delay.
 
     The delay is a chain of so many equal parts, each approximated: the longer the chain, the higher the frequency to
-    which it holds (about 8 radians for each part).
+    which it holds (about 8 radians for each part of order 8).
     """
     blocks = [filter_block(f) for f in autopilot.prompt.filter]
     if np.any(np.asarray(autopilot.dead_time) > 0.0):
         # a batch may hold zero delays: a start is wanted there too, and entries that leave the eigenvalues their digits
-        blocks += delay_parts * [delay_block(np.maximum(autopilot.dead_time, LEAST_DELAY) / delay_parts)]
+        blocks += delay_parts * [delay_block(np.maximum(autopilot.dead_time, LEAST_DELAY) / delay_parts, order)]
     if autopilot.actuator is not None:
         blocks.append(actuator_block(autopilot.actuator))
     return blocks

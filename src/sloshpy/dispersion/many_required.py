@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sloshpy.case import Criteria
+from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import NEUTRAL, greatest_growth
+from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.dynamics.response import REFERENCE_DAMPING, at_reference, of_one_damping
 from sloshpy.stability import loop_margins, loop_required_damping, nichols_disc_margin
 from sloshpy.stability.required_damping import PROOF

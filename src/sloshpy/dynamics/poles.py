@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sloshpy.autopilot import series_blocks
+from sloshpy.autopilot import PADE_ORDER, series_blocks
 from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import slosh_damping, without_drift
@@ -80,13 +80,14 @@ class Poles:
         )
 
 
-def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
+def controller(loop: Loop, delay_order: int | None = None) -> tuple[Array, Array, Array, Array, list[str]]:
     """Return A, B, C, D of the forward path from what it is fed to beta, and the group of each state."""
+    parts, order = (_delay_parts(loop), PADE_ORDER) if delay_order is None else (1, delay_order)
     batch = loop.batch
     A, B, C = np.zeros((*batch, 0, 0)), np.zeros((*batch, 0)), np.zeros((*batch, 0))
     D = np.broadcast_to(np.asarray(loop.autopilot.gain, dtype=float), batch)
     groups: list[str] = []
-    for i, block in enumerate(series_blocks(loop.autopilot, _delay_parts(loop))):
+    for i, block in enumerate(series_blocks(loop.autopilot, parts, order)):
         k, old = block.B.shape[-1], A.shape[-1]
         grown = np.zeros((*batch, old + k, old + k))
         grown[..., :old, :old] = A
@@ -102,7 +103,6 @@ def controller(loop: Loop) -> tuple[Array, Array, Array, Array, list[str]]:
 PART = 8.0  # rad of phase lag that one Pade approximation of order 8 carries with a phase error below 1e-3 rad
 MOST_PARTS = 12  # 96 states; a delay longer still, at a gain that no loop survives, is left to the encirclement count
 NEUTRAL = 1e-9  # growth below this part of the frequency is rounding
-NEAR_AXIS = 0.1  # damping ratio: a phase error of 1e-3 rad moves a pole by a hundredth of that
 HEARD = 0.5  # loop gain below which 1 + L does not come near zero, whatever the delay
 
 
@@ -127,15 +127,32 @@ def _reach(loop: Loop) -> Array:
 
 def _delay_parts(loop: Loop) -> int:
     """Return how many parts the delay of a loop, or of the worst of a batch, is approximated in."""
-    if not np.any(loop.autopilot.dead_time):
+    tau = loop.autopilot.dead_time
+    if not np.any(tau) or quiet_beyond(loop, PART / float(np.max(tau))):
         return 1
-    return int(np.clip(np.ceil(np.max(_reach(loop) * loop.autopilot.dead_time) / PART), 1, MOST_PARTS))
+    return int(np.clip(np.ceil(np.max(_reach(loop) * tau) / PART), 1, MOST_PARTS))
 
 
-def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:
-    """Return the state matrix of the loop, shape (..., N, N), closed or broken at the engine, and its state groups."""
+def quiet_beyond(loop: Loop, limit: float) -> bool:
+    """Return whether no loop of a batch has a gain of `HEARD` above a frequency in rad/s, on a grid as in `_reach`.
+
+    Every tank is given its least damping of the batch, at which peaks are highest: dampings then cost nothing.
+    """
+    least = np.min(loop.damping.reshape(-1, loop.damping.shape[-1]), axis=0)
+    prompt = replace(_without_delay(loop), damping=least)
+    own = np.abs(np.linalg.eigvals(system_matrix(prompt, closed=False)[0]))
+    wide = limit * max(1e3 * float(np.max(own)) / limit, 10.0) ** np.linspace(0.0, 1.0, 30)
+    omega = np.concatenate([np.maximum(own, limit), np.broadcast_to(wide, (*own.shape[:-1], 30))], axis=-1)
+    return bool(np.all(np.abs(transfer(prompt.along(), 1j * omega).loop) < HEARD))
+
+
+def system_matrix(loop: Loop, closed: bool = True, delay_order: int | None = None) -> tuple[Array, list[str]]:
+    """Return the state matrix of the loop, shape (..., N, N), closed or broken at the engine, and its state groups.
+
+    delay_order: of the delay's approximation, in one part; left out, as high as the loop may need.
+    """
     p = fed(loop)
-    A_c, B_c, C_c, D_c, groups = controller(loop)
+    A_c, B_c, C_c, D_c, groups = controller(loop, delay_order)
     batch, n, k = loop.batch, p.A.shape[-1], A_c.shape[-1]
     sensed = np.broadcast_to(p.c, (*batch, n))
     A = np.zeros((*batch, n + k, n + k))
@@ -242,23 +259,6 @@ def closed_loop_eigenvalues(loop: Loop) -> ComplexArray:
     apart = np.abs(values[..., :, None] - values[..., None, :])
     twice = np.tril(apart < 1e-9 * np.abs(values[..., None, :]), k=-1).any(axis=-1)
     return np.where(twice, np.nan, values)
-
-
-def greatest_growth(loop: Loop) -> Array:
-    """Return the greatest real part of the closed-loop poles, 1/s, shape of the batch.
-
-    With a delay only poles near the axis are polished; the approximation cannot carry one across from farther left.
-    """
-    A, groups = system_matrix(loop)
-    values = np.linalg.eigvals(A).astype(complex)
-    growth = values.real.copy()
-    if "delay" in groups:
-        rank = np.argsort(np.argsort(-growth, axis=-1), axis=-1)
-        near = (growth > -NEAR_AXIS * np.abs(values)) | (rank < 6)  # the rightmost ones wherever they are
-        owner = np.broadcast_to(np.arange(int(np.prod(loop.batch))).reshape(*loop.batch, 1), values.shape)[near]
-        polished = polish(loop.take(owner), values[near]).real
-        growth[near] = np.where(np.isnan(polished), -np.inf, polished)
-    return np.asarray(np.max(growth, axis=-1))
 
 
 def unstable_count(loop: Loop, decades: float = 4.0) -> int:

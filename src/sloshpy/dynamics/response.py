@@ -118,18 +118,24 @@ def at_reference(loop: Loop, s: ComplexArray, ratio: Real = REFERENCE_DAMPING) -
 
     ratio: damping ratios, one for all tanks or (..., n_tanks).
     """
+    y_b, Y_a, z_b, Z_a = unfed(loop, s, ratio)
+    K = forward_transfer(loop.autopilot, s)
+    return K * y_b, K[..., None] * Y_a, z_b, Z_a
+
+
+def unfed(loop: Loop, s: ComplexArray, ratio: Real) -> tuple[ComplexArray, ...]:
+    """Return y_b, Y_a, z_b and Z_a: `at_reference` before the forward path."""
     p = loop.plant
     row, at_once = sensed_row(loop, s)
-    K = forward_transfer(loop.autopilot, s)
     if p.mass.shape[-1] == 2 and len(p.tanks) == 1:
         (phi_b, z_b), (phi_a, z_a) = _two_coordinates(loop, s, ratio)
-        Y_b, Y_a = (K * (row[..., 0] * phi + row[..., 1] * z) for phi, z in ((phi_b, z_b), (phi_a, z_a)))
+        y_b, y_a = (row[..., 0] * phi + row[..., 1] * z for phi, z in ((phi_b, z_b), (phi_a, z_a)))
         if not isinstance(at_once, float):
-            Y_b = Y_b + K * at_once
-        return Y_b, Y_a[..., None], z_b[..., None], z_a[..., None, None]
+            y_b = y_b + at_once
+        return y_b, y_a[..., None], z_b[..., None], z_a[..., None, None]
     q = _coordinates(loop, s, ratio)
-    Y = K[..., None] * np.sum(row[..., None] * q, axis=-2)
-    return Y[..., 0] + K * at_once, Y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
+    y = np.sum(row[..., None] * q, axis=-2)
+    return y[..., 0] + at_once, y[..., 1:], q[..., p.slosh, 0], q[..., p.slosh, 1:]
 
 
 def of_one_damping(loop: Loop, tank: int, s: ComplexArray) -> tuple[ComplexArray, ...]:

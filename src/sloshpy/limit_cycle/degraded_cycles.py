@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from sloshpy.case import Case
+from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, greatest_growth
+from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.limit_cycle.neutral import neutral_cycles

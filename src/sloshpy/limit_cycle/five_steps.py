@@ -12,8 +12,9 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case
+from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import closed_loop_poles, greatest_growth
+from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles

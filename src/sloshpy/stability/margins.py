@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.case import Case, Criteria
+from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import NEUTRAL, greatest_growth, unstable_count
+from sloshpy.dynamics.poles import NEUTRAL, unstable_count
 from sloshpy.dynamics.response import frequency_sensitivity, transfer
 from sloshpy.stability.nichols import Curves, least_beside, nichols_disc_margin, sampled, valley_samples
 from sloshpy.units import Array, BoolArray, IntArray, Real

@@ -8,8 +8,9 @@ import numpy as np
 
 from sloshpy.case import Case, Criteria
 from sloshpy.damping import DampingLaw
+from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, greatest_growth
+from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
 from sloshpy.stability.family import sampled_family
 from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.touching import touching_critical_point, touching_level, with_ratio

@@ -1,0 +1,77 @@
+"""The greatest growth of a loop, and whether it is stable: only the poles that decide are made exact."""
+
+import numpy as np
+
+from sloshpy.autopilot import PADE_ORDER, delay_error
+from sloshpy.dynamics.loop import Loop
+from sloshpy.dynamics.poles import polish, quiet_beyond, system_matrix
+from sloshpy.units import Array, BoolArray, ComplexArray
+
+NEAR_AXIS = 0.1  # damping ratio: a phase error of 1e-3 rad moves a pole by a hundredth of that
+RIGHTMOST = 6  # poles that are polished wherever they are
+BRIEF = 1.0  # rad of phase lag up to which an approximation of the delay of order `BRIEF_ORDER` starts near enough
+BRIEF_ORDER = 4  # off by 4e-8 there
+_ROUNDING = 1e-6  # part of |s| by which the eigenvalue of a double pole may be off, and to spare
+
+
+def greatest_growth(loop: Loop) -> Array:
+    """Return the greatest real part of the closed-loop poles, 1/s, shape of the batch.
+
+    With a delay only poles near the axis are polished, the approximation cannot carry one across from farther left; and
+    of these only those that may be the rightmost.
+    """
+    values, slack = _approximate(loop)
+    if slack is None:
+        return np.asarray(np.max(values.real, axis=-1))
+    near = _near(values)
+    exact = np.where(near, -np.inf, values.real)
+    first = np.zeros(values.shape, dtype=bool)
+    np.put_along_axis(first, np.argmax(np.where(near, values.real, -np.inf), axis=-1)[..., None], True, axis=-1)
+    exact[first] = _polished(loop, values, first)
+    ahead = values.real + slack >= np.max(exact, axis=-1, keepdims=True)
+    others = near & ~first & ahead
+    exact[others] = _polished(loop, values, others)
+    return np.asarray(np.max(exact, axis=-1))
+
+
+def is_stable(loop: Loop) -> BoolArray:
+    """Return whether every closed-loop pole lies left of the axis, shape of the batch; as by `greatest_growth`."""
+    values, slack = _approximate(loop)
+    growth = values.real.copy()
+    if slack is not None:
+        doubtful = _near(values) & (np.abs(growth) <= slack)
+        growth[doubtful] = _polished(loop, values, doubtful)
+    return np.asarray(np.all(growth < 0.0, axis=-1))
+
+
+def _approximate(loop: Loop) -> tuple[ComplexArray, Array | None]:
+    """Return the poles with the delay approximated, and how far polishing may move each, 1/s; None without a delay.
+
+    A double pole moves by the root of what disturbs the loop.
+    """
+    a, order = loop.autopilot, None
+    tau = np.asarray(a.dead_time)
+    if a.sample_time is None and np.any(tau) and quiet_beyond(loop, BRIEF / float(np.max(tau))):
+        order = BRIEF_ORDER
+    A, groups = system_matrix(loop, delay_order=order)
+    values = np.linalg.eigvals(A).astype(complex)
+    if "delay" not in groups:
+        return values, None
+    if a.sample_time is not None:  # filters and hold are approximated too, and without a bound
+        return values, np.full(values.shape, np.inf)
+    used = order or PADE_ORDER
+    error = delay_error(tau[..., None], values, groups.count("delay") // used, used)
+    return values, np.asarray(np.abs(values) * (_ROUNDING + 10.0 * np.sqrt(error)))
+
+
+def _near(values: ComplexArray) -> BoolArray:
+    growth = values.real
+    rank = np.argsort(np.argsort(-growth, axis=-1), axis=-1)
+    return np.asarray((growth > -NEAR_AXIS * np.abs(values)) | (rank < RIGHTMOST))
+
+
+def _polished(loop: Loop, values: ComplexArray, chosen: BoolArray) -> Array:
+    """Return the exact growth of the chosen poles, -inf of one that is the approximation's alone."""
+    owner = np.broadcast_to(np.arange(int(np.prod(loop.batch))).reshape(*loop.batch, 1), values.shape)[chosen]
+    exact = polish(loop.take(owner), values[chosen]).real
+    return np.where(np.isnan(exact), -np.inf, exact)
