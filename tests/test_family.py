@@ -49,8 +49,12 @@ def test_the_damping_of_neutral_stability_and_of_the_level_fulfil_their_equation
     L = frequency_response(open_loop(paper_case(), float(neutral[0])), np.array([2.132783])).loop
     assert neutral[0] == pytest.approx(0.023929, rel=1e-4)
     assert L[0] == pytest.approx(-1.0, abs=1e-4)
-    level = touching_level(loop, both, 0, 1.0, Criteria(), (np.array([2.13]), np.array([0.04])), ends)
+    omega, level = touching_level(loop, both, 0, 1.0, Criteria(), (np.array([2.13]), np.array([0.04])), ends)
     dense = frequency_response(open_loop(paper_case(), float(level[0])), np.linspace(2.0, 2.3, 20001)).loop
     assert np.min(oracle.disc_margin(dense)) == pytest.approx(1.0, abs=1e-7)
+    # 1e-5: a minimum is known to the root of its value's rounding
+    assert omega[0] == pytest.approx(np.linspace(2.0, 2.3, 20001)[np.argmin(oracle.disc_margin(dense))], abs=2e-5)
     outside = np.array([[0.05], [0.06]])
-    assert np.isnan(touching_level(loop, both, 0, 1.0, Criteria(), (np.array([2.13]), np.array([0.055])), outside)[0])
+    assert np.isnan(
+        touching_level(loop, both, 0, 1.0, Criteria(), (np.array([2.13]), np.array([0.055])), outside)[1][0]
+    )

@@ -42,7 +42,7 @@ def many_required(loop: Loop, criteria: Criteria, tank: int) -> tuple[Array, Arr
             break
         level, reach = criteria.disc_margin, STRAY * np.log(LEVELS[1] / LEVELS[0])
         ends = np.array([found.low[waiting] * np.exp(-reach), found.high[waiting] * np.exp(reach)])
-        ratio = touching_level(loop, waiting, tank, level, criteria, (start[0][waiting], start[1][waiting]), ends)
+        _, ratio = touching_level(loop, waiting, tank, level, criteria, (start[0][waiting], start[1][waiting]), ends)
         sound = np.isfinite(ratio) & (ratio >= LEAST) & (ratio < LEVELS[-1])
         waiting, ratio = waiting[sound], ratio[sound]
         proved, at = _proved(loop, criteria, tank, ratio, waiting)

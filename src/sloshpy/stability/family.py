@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from sloshpy.autopilot import forward_transfer
 from sloshpy.case import Criteria
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.response import REFERENCE_DAMPING, of_one_damping
+from sloshpy.dynamics.modal import references_on
+from sloshpy.dynamics.response import REFERENCE_DAMPING
 from sloshpy.stability.nichols import (
     Curves,
     allowed_chord,
@@ -41,12 +43,18 @@ def sampled_family(loop: Loop, tank: int, ratio: Array, criteria: Criteria, belo
     omega = np.unique(placed(batch.take(anchors))[1])
     omega = omega[np.append(True, np.diff(omega) > 1e-9 * omega[:-1])]
     d = 2.0 * (ratio - REFERENCE_DAMPING)[:, None] * float(loop.plant.tank_frequency[tank])
+    (reference,) = references_on(
+        batch.take(np.array([0])),
+        omega,
+        np.where(np.arange(loop.damping.size) == tank, REFERENCE_DAMPING, loop.damping),
+    )
 
     def response(at: Array) -> ComplexArray:
         s = 1j * at
-        Y_b, Y_a, z_b, z_a = of_one_damping(loop, tank, s)
+        y_b, Y_a, z_b, Z_a = reference(at)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(s * Y_a * z_b * d / (1.0 + s * z_a * d) - Y_b)
+            fed_back = s * Y_a[tank] * z_b[tank] * d / (1.0 + s * Z_a[tank, tank] * d)
+            return np.asarray(forward_transfer(loop.autopilot, s) * (fed_back - y_b))
 
     L = response(omega)
     sound = np.all(np.isfinite(L) & (L != 0.0), axis=0)
@@ -81,7 +89,8 @@ def _searched(
     for _ in range(16):
         unknown = np.flatnonzero(np.isnan(slope[0].real))
         at = omega[unknown]
-        slope[:, unknown] = (response(at * (1.0 + h)) - response(at * (1.0 - h))) / (2.0 * h * L[:, unknown])
+        above, beneath = np.split(response(np.concatenate([at * (1.0 + h), at * (1.0 - h)])), 2, axis=1)
+        slope[:, unknown] = (above - beneath) / (2.0 * h * L[:, unknown])
         distance = nichols_disc_margin(L, GM, PM)
         near = least_beside(distance) <= below
         level, piece = np.nonzero(near[:, among] | near[:, among + 1])

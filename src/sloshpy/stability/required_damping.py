@@ -105,14 +105,14 @@ def loop_required_damping(
     search = _Search(loop=loop, criteria=criteria, tank=tank, threshold=disc_margin, axis=axis)
     scan = search.from_above(grid)
     neutral = supremum(scan.growth >= axis, grid, search.growing, search.neutral_candidate)
-    required = supremum(
-        search.short(scan.growth, scan.margin) > 0.0,
-        grid,
-        search.lacking,
-        lambda low, high, index: search.required_candidate(low, high, index, scan, grid),
-    )
     omega = np.full(size, np.nan)
-    known = np.flatnonzero(np.isfinite(required))
+
+    def candidate(low: Array, high: Array, index: IntArray) -> Array:
+        omega[index], ratio = search.required_candidate(low, high, index, scan, grid)
+        return ratio
+
+    required = supremum(search.short(scan.growth, scan.margin) > 0.0, grid, search.lacking, candidate)
+    known = np.flatnonzero(np.isfinite(required) & np.isnan(omega))
     if len(known):
         omega[known] = search.own_margin(required[known], known).omega
     return RequiredDamping(
@@ -202,8 +202,13 @@ class _Search:
             top = int(levels[0])
         return scan
 
-    def required_candidate(self, low: Array, high: Array, index: IntArray, scan: _Found, grid: Array) -> Array:
-        """Return where the tank's least minimum reaches the threshold between two levels; nan where not proved."""
+    def required_candidate(
+        self, low: Array, high: Array, index: IntArray, scan: _Found, grid: Array
+    ) -> tuple[Array, Array]:
+        """Return frequency and damping at which the tank's least minimum reaches the threshold between two levels.
+
+        nan where that is not proved.
+        """
         below = np.searchsorted(grid, low)
         growth, margin, omega = (x[index, below] for x in (scan.growth, scan.margin, scan.omega))
         above = scan.margin[index, below + 1]
@@ -211,8 +216,11 @@ class _Search:
         with np.errstate(divide="ignore", invalid="ignore"):  # no minimum of the tank's at one end: start in the middle
             share = np.nan_to_num((self.threshold - signed) / (above - signed), nan=0.5)
         start = omega, _between(low, high, np.clip(share, 0.05, 0.95))
-        ratio = touching_level(self.loop, index, self.tank, self.threshold, self.criteria, start, np.array([low, high]))
-        return self._proved(self.lacking, ratio, PROOF * ratio, index)
+        at, ratio = touching_level(
+            self.loop, index, self.tank, self.threshold, self.criteria, start, np.array([low, high])
+        )
+        proved = self._proved(self.lacking, ratio, PROOF * ratio, index)
+        return np.where(np.isnan(proved), np.nan, at), proved
 
     def neutral_candidate(self, low: Array, high: Array, index: IntArray) -> Array:
         """Return where a pole crosses the imaginary axis between two dampings; nan where that is not proved."""

@@ -32,8 +32,8 @@ def with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
 
 def touching_level(
     loop: Loop, index: IntArray, tank: int, level: float, criteria: Criteria, start: tuple[Array, Array], ends: Array
-) -> Array:
-    """Return the damping at which a minimum of eq 24 over frequency equals a level, (K,); nan where none is found.
+) -> tuple[Array, Array]:
+    """Return frequency, rad/s, and damping at which a minimum of eq 24 equals a level, (K,); nan where none is found.
 
     Args:
         loop: one loop or a batch. index: (K,), which loops of the flattened batch.
@@ -79,7 +79,7 @@ def touching_critical_point(loop: Loop, index: IntArray, tank: int, start: tuple
         size = (np.conj(L_x) * L_y).imag
         return -(np.conj(L_y) * rest).imag / size, (np.conj(L_x) * rest).imag / size
 
-    return _settled(step, start, ends)
+    return _settled(step, start, ends)[1]
 
 
 def _response(loop: Loop, index: IntArray, tank: int) -> _Response:
@@ -92,8 +92,8 @@ def _response(loop: Loop, index: IntArray, tank: int) -> _Response:
 
 def _settled(
     step: Callable[[Array, Array, IntArray], tuple[Array, Array]], start: tuple[Array, Array], ends: Array
-) -> Array:
-    """Return the damping on which Newton's method settles from a start, nan where it does not or leaves the bracket.
+) -> tuple[Array, Array]:
+    """Return where Newton's method settles from a start, nan where it does not or leaves the bracket.
 
     A loop that has settled is left alone, so that no loop's digits depend on its neighbours.
     """
@@ -109,4 +109,5 @@ def _settled(
         todo = todo[moved[todo] >= SETTLED]  # nan has failed
         if len(todo) == 0:
             break
-    return np.where((moved < SETTLED) & (y >= low) & (y <= high), np.exp(y), np.nan)
+    inside = (moved < SETTLED) & (y >= low) & (y <= high)
+    return np.where(inside, np.exp(x), np.nan), np.where(inside, np.exp(y), np.nan)
