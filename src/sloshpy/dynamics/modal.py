@@ -29,17 +29,21 @@ def references_on(loops: Loop, omega: Array, ratio: Array) -> list[Callable[[Arr
         omega: the frequencies that will be asked for, rising, (F,), rad/s.
         ratio: damping ratios of the tanks, (n_tanks,), the same for all.
     """
-    solves = [_Solves(loop=loops.take(np.asarray(k)), ratio=ratio) for k in range(loops.batch[0])]
+    count = loops.batch[0]
     if loops.plant.mass.shape[-1] == 2:  # in closed form, which is faster still
-        return [one.at for one in solves]
-    modes = _plant_modes(loops, ratio)
-    places = [np.clip(np.searchsorted(omega, np.abs(one.poles)), 0, len(omega) - 1) for one in modes]
-    width = max(map(len, places))
-    check = omega[np.array([np.resize(place, width) for place in places])]  # rounding shows most beside a pole
-    true = unfed(loops.along(), 1j * check, ratio)
+        return [_solves(loops, k, ratio) for k in range(count)]
+    with np.errstate(all="ignore"):  # vectors that are no basis give anything, which is compared
+        try:
+            modes = _plant_modes(loops, ratio)
+        except np.linalg.LinAlgError:
+            return [_solves(loops, k, ratio) for k in range(count)]
+        places = [np.clip(np.searchsorted(omega, np.abs(one.poles)), 0, len(omega) - 1) for one in modes]
+        width = max(map(len, places))
+        check = omega[np.array([np.resize(place, width) for place in places])]  # rounding shows most beside a pole
+        true = [np.moveaxis(x, 1, -1) for x in unfed(loops.along(), 1j * check, ratio)]
+        sound = [_agree(one.at(check[k]), tuple(x[k] for x in true)) for k, one in enumerate(modes)]
     return [
-        one.at if _agree(one.at(check[k]), tuple(np.moveaxis(x[k], 0, -1) for x in true)) else solves[k].at
-        for k, one in enumerate(modes)
+        one.at if fine else _solves(loops, k, ratio) for k, (one, fine) in enumerate(zip(modes, sound, strict=True))
     ]
 
 
@@ -50,17 +54,14 @@ def _agree(found: Parts, true: Parts) -> bool:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Solves:
-    """The same by a solve at each frequency."""
+def _solves(loops: Loop, k: int, ratio: Array) -> Callable[[Array], Parts]:
+    """Return the same for loop k by a solve at each frequency."""
+    loop = loops.take(np.asarray(k))
 
-    loop: Loop
-    ratio: Array
+    def at(omega: Array) -> Parts:
+        return tuple(np.asarray(np.moveaxis(x, 0, -1), dtype=complex) for x in unfed(loop, 1j * omega, ratio))
 
-    def at(self, omega: Array) -> Parts:
-        """Return y_b, Y_a, z_b and Z_a at frequencies (F,), which come last."""
-        found = unfed(self.loop, 1j * omega, self.ratio)
-        return tuple(np.asarray(np.moveaxis(x, 0, -1), dtype=complex) for x in found)
+    return at
 
 
 @dataclass(frozen=True, kw_only=True)

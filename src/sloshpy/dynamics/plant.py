@@ -261,22 +261,15 @@ def state_space(plant: Plant, ratio: Array) -> tuple[Array, Array, Array]:
         A (..., N, N), B (..., N), C (..., 2, N).
     """
     n = plant.mass.shape[-1]
-    batch = np.broadcast_shapes(plant.mass.shape[:-2], np.shape(ratio)[:-1])
-    C_all = np.broadcast_to(plant.damping, (*batch, n, n)).copy()
-    diagonal = np.arange(n)[plant.slosh]
-    C_all[..., diagonal, diagonal] += slosh_damping(plant, ratio)
-    right = np.concatenate(
-        [
-            -np.broadcast_to(plant.stiffness, (*batch, n, n)),
-            -C_all,
-            np.broadcast_to(plant.force[..., None], (*batch, n, 1)),
-        ],
-        axis=-1,
-    )
+    own, batch = plant.mass.shape[:-2], np.broadcast_shapes(plant.mass.shape[:-2], np.shape(ratio)[:-1])
+    # one solve for all dampings of a plant: a damper pushes its slosh mass alone
+    pushed = np.broadcast_to(np.eye(n)[:, plant.slosh], (*own, n, len(plant.tanks)))
+    right = np.concatenate([-plant.stiffness, -plant.damping, plant.force[..., None], pushed], axis=-1)
     accelerations = np.linalg.solve(plant.mass, right)
     A, B = np.zeros((*batch, 2 * n, 2 * n)), np.zeros((*batch, 2 * n))
     A[..., :n, n:] = np.eye(n)
     A[..., n:, :] = accelerations[..., : 2 * n]
+    A[..., n:, n:][..., plant.slosh] -= accelerations[..., 2 * n + 1 :] * slosh_damping(plant, ratio)[..., None, :]
     B[..., n:] = accelerations[..., 2 * n]
     C = np.zeros((*plant.attitude.shape[:-1], 2, 2 * n))
     C[..., 0, :n], C[..., 1, n:] = plant.attitude, plant.rate
