@@ -176,3 +176,17 @@ def guided_case(rng, *, kind=None, felt=None, **parts):
         del gains["drift_gain" if kind == "rate" else "drift_rate_gain"]
     given = {k: getattr(pilot, k) for k in type(pilot).model_fields}
     return case.model_copy(update={"autopilot": Autopilot(**given | gains)}), damping
+
+
+def lawful_case(seed, number):
+    """Vehicle `number` of a fleet with every part, each tank with a power law, and a limit of the engine of its own."""
+    rng = np.random.default_rng([seed, number])
+    case, _ = real_case(rng)
+    laws = [
+        PowerDamping(slope=10 ** rng.uniform(-2.0, 0.3), exponent=float(rng.choice([0.5, 1.0, 1.7])))
+        for _ in case.vehicle.tanks
+    ]
+    tanks = tuple(t.model_copy(update={"damping": law}) for t, law in zip(case.vehicle.tanks, laws, strict=True))
+    vehicle = case.vehicle.model_copy(update={"tanks": tanks})
+    criteria = Criteria(tvc_amplitude=10 ** rng.uniform(-3.5, -1.5))
+    return case.model_copy(update={"vehicle": vehicle, "criteria": criteria})

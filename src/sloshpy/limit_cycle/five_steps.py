@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.batch import single
-from sloshpy.case import Case
+from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
@@ -179,8 +179,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     threshold = replace(loop, damping=damping)
     band = _band(case, threshold, tank)  # step 3
     if not band.size:
-        why = f"its {100 * xi:.4g} % is set by the stability of another mode: it has no band of its own to cycle in"
-        return _without(case, tank, required, None, why)
+        return _without(case, tank, required, None, _why_no_band(threshold, criteria, tank))
     omega = float(required.omega)
     w = float(mass.frequency)
     samples = np.concatenate([np.linspace(a, b, 201) for a, b in band])
@@ -237,6 +236,22 @@ def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
         return limit_cycles(degraded), ""
     except OutsideValidity as error:
         return (), str(error)
+
+
+def _why_no_band(threshold: Loop, criteria: Criteria, tank: int) -> str:
+    """Return what sets a required damping at which no minimum near the disc margin is the tank's."""
+    xi = float(threshold.damping[tank])
+    own = np.arange(threshold.damping.size) == tank
+    below = replace(threshold, damping=np.where(own, xi * (1.0 - 1e-6), threshold.damping))
+    found = loop_margins(below, criteria, crossings=False)
+    margin, omega = (float(x) for x in found.slosh_disc_margin(tank))
+    if not found.stable or np.isinf(margin):
+        return f"its {100 * xi:.4g} % is set by the stability of another mode: it has no band of its own to cycle in"
+    where = f"its minimum of {margin:.3f} at {omega / 2.0 / np.pi:.4f} Hz"
+    return (
+        f"its {100 * xi:.4g} % is where {where} ends or becomes another mode's, not where the disc margin is reached: "
+        "the loop still passes as near, and no band there is the tank's own"
+    )
 
 
 def _why_none(case: Case, loop: Loop, tank: int) -> str:

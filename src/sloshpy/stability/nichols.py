@@ -154,8 +154,8 @@ def hidden_pieces(
     low = np.argmin(distance, axis=-1)
     seen = valley[k] | valley[k + 1]
     onward = change * np.sign(distance[:, -1:] - distance[:, :1])
-    flat = np.min(onward, axis=-1) < 0.25 * np.mean(np.abs(change), axis=-1)
-    split = flat & ~seen & (chord > 0.01)
+    flat = np.min(onward, axis=-1) < 0.5 * np.mean(np.abs(change), axis=-1)
+    split = flat & ~seen & (chord > 1e-3)
     split |= (low > 0) & (low < 12) & ~seen & (chord > 1e-4)
     for part in x:
         same = part[:, 0] * part[:, -1] > 0.0

@@ -1,0 +1,238 @@
+"""A second opinion on a whole assessment: everything it says is put into the equations of `oracle_flexible`.
+
+Nothing is shared with the package but the numbers under test. The curve L(j omega) is sampled from clusters about the
+plant's poles and halved until its logarithm moves by little; each minimum of eq 24 is refined by SciPy; whose it is
+is found by moving each frequency of the vehicle a little. A requirement is not searched for again: just above it and
+at many larger dampings the loop must be good, and just below it must not.
+"""
+
+from collections import Counter
+
+import numpy as np
+import scipy.optimize
+
+import oracle_flexible as second
+
+LEVELS = np.geomspace(1e-4, 1.0, 13)
+
+
+def distance(L, criteria):
+    """Eq 24."""
+    return np.hypot(np.log(np.abs(L)) / np.log(criteria.gain_margin), np.angle(-L) / criteria.phase_margin)
+
+
+def response(case, xi, omega, pilot=None):
+    """L and z/beta on the axis."""
+    L, z, _ = second.solved(second.second_order(case.vehicle, xi), pilot or case.autopilot, 1j * omega)
+    return L, z
+
+
+def curve(case, xi):
+    """Frequencies and L so dense that ln L moves by less than 0.03 between neighbours."""
+    p = second.second_order(case.vehicle, xi)
+    n = len(p.b0)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [np.linalg.solve(p.E2, -p.E0), np.linalg.solve(p.E2, -p.E1)]])
+    poles = np.linalg.eigvals(A)
+    poles = poles[(poles.imag > 0) & (np.abs(poles) > 1e-3 * min(t.frequency for t in case.vehicle.tanks))]
+    own = np.array([t.frequency for t in case.vehicle.tanks] + [f.frequency for f in case.vehicle.flexible_modes])
+    offset = np.maximum(np.abs(poles.real), 1e-8 * np.abs(poles))[:, None] * np.geomspace(0.3, 1e4, 40)
+    near = np.concatenate([poles.imag[:, None] - offset, poles.imag[:, None] + offset]).ravel()
+    omega = np.concatenate([np.geomspace(2e-3 * own.min(), 1e2 * own.max(), 600), near])
+    omega = np.unique(omega[(omega > 2e-3 * own.min()) & (omega < 1e2 * own.max())])
+    L = second.solved(p, case.autopilot, 1j * omega)[0]
+    for _ in range(25):
+        step = np.abs(np.log(L[1:] / L[:-1]))
+        k = np.flatnonzero((step > 0.03) & (np.diff(omega) > 1e-10 * omega[1:]))
+        # beyond this nothing is near the critical point
+        k = k[(np.minimum(np.abs(np.log(np.abs(L[k]))), np.abs(np.log(np.abs(L[k + 1])))) < 4.0)]
+        if not len(k):
+            break
+        middle = 0.5 * (omega[k] + omega[k + 1])
+        L = np.insert(L, k + 1, second.solved(p, case.autopilot, 1j * middle)[0])
+        omega = np.insert(omega, k + 1, middle)
+    return omega, L
+
+
+def minima(case, xi, below=1.6):
+    """Frequencies and values of the local minima of eq 24 below a level."""
+    omega, L = curve(case, xi)
+    DM = distance(L, case.criteria)
+    low = np.flatnonzero(np.minimum(DM[1:], DM[:-1]) < below)  # there also the shallowest dip counts
+    more = omega[low, None] + np.diff(omega)[low, None] * np.arange(1, 8) / 8
+    omega = np.unique(np.concatenate([omega, more.ravel()]))
+    omega = omega[np.append(True, np.diff(omega) > 1e-8 * omega[:-1])]  # nearer ones differ by rounding
+    DM = distance(response(case, xi, omega)[0], case.criteria)
+    k = 1 + np.flatnonzero((DM[1:-1] <= DM[:-2]) & (DM[1:-1] < DM[2:]) & (DM[1:-1] < below))
+    found = []
+    for i in k:
+
+        def value(x):
+            return float(distance(response(case, xi, np.array([np.exp(x)]))[0], case.criteria)[0])
+
+        ends = np.log(omega[i - 1]), np.log(omega[i + 1])
+        best = scipy.optimize.minimize_scalar(value, bounds=ends, method="bounded", options={"xatol": 1e-12})
+        found.append((float(np.exp(best.x)), min(float(best.fun), float(DM[i]))))
+    return found
+
+
+def moved(case, group, factor):
+    """The case with the frequency of one tank or bending mode multiplied."""
+    v, n = case.vehicle, len(case.vehicle.tanks)
+    tanks, modes = list(v.tanks), list(v.flexible_modes)
+    nouns, k = (tanks, group) if group < n else (modes, group - n)
+    nouns[k] = nouns[k].model_copy(update={"frequency": nouns[k].frequency * factor})
+    vehicle = v.model_copy(update={"tanks": tuple(tanks), "flexible_modes": tuple(modes)})
+    return case.model_copy(update={"vehicle": vehicle})
+
+
+def shares(case, xi, omega):
+    """How a neutral frequency at omega follows the frequency of each tank and bending mode; the rest last."""
+    h, at = 1e-5, np.array([omega])
+
+    def L(one, s):
+        return second.solved(second.second_order(one.vehicle, xi), case.autopilot, s)[0][0]
+
+    slope = (L(case, 1j * at * (1 + h)) - L(case, 1j * at * (1 - h))) / (2 * h)
+    count = len(case.vehicle.tanks) + len(case.vehicle.flexible_modes)
+    own = [(L(moved(case, g, 1 + h), 1j * at) - L(moved(case, g, 1 - h), 1j * at)) / (2 * h) for g in range(count)]
+    part = [-(d / slope).real for d in own]
+    return np.array([*part, 1.0 - sum(part)])
+
+
+def belongs(share, tank):
+    """Whether a minimum is a tank's: its share is at least half of the greatest, within what h can tell."""
+    return share[tank] > 0 and share[tank] >= 0.5 * share.max()
+
+
+def doubtful(share, tank):
+    """Whether the differences cannot tell whose a minimum is."""
+    return abs(share[tank] - 0.5 * share.max()) < 1e-3 * np.abs(share).max()
+
+
+def good(case, xi, tank, slack):
+    """Whether the loop is stable and no minimum of a tank lies below the criterion; None where that cannot be told."""
+    if not second.stable(second.second_order(case.vehicle, xi), case.autopilot):
+        return False
+    for omega, value in minima(case, xi, below=case.criteria.disc_margin + 0.05):
+        share = shares(case, xi, omega)
+        if value < case.criteria.disc_margin - slack and belongs(share, tank):
+            return None if doubtful(share, tank) else False
+    return True
+
+
+def law_amplitude(law, ratio):
+    """The amplitude at which a power law gives a ratio."""
+    return (ratio / law.slope) ** (1.0 / law.exponent)
+
+
+def is_cycle(case, cycle, pilot):
+    """How far a listed cycle misses L = -1 with every tank at its own damping, and its amplitudes each other."""
+    omega = 2 * np.pi * cycle["frequency_hz"]
+    tanks = case.vehicle.tanks
+    A = np.array([cycle["slosh_amplitude_m"][t.name] for t in tanks])
+    # the law states the ratio for oscillation at the tank's own frequency: xi = f(W A / w)
+    xi = [t.damping.slope * (a * omega / t.frequency) ** t.damping.exponent for t, a in zip(tanks, A, strict=True)]
+    L, z = response(case, xi, np.array([omega]), pilot)
+    z = np.abs(z[0])
+    return max(
+        abs(L[0] + 1), np.abs(z / z.max() - A / A.max()).max(), abs(cycle["tvc_amplitude_rad"] * z.max() / A.max() - 1)
+    )
+
+
+def compare(case, review, joint, tally):
+    """Compare the JSON of an assessment with the equations; return the complaints, count what was checked in `tally`.
+
+    joint: the dampings at which the other tanks were held for the five steps.
+    """
+    n, criteria, bad = len(case.vehicle.tanks), case.criteria, []
+
+    def expect(what, true):
+        tally[what] += 1
+        if not true:
+            bad.append(what)
+
+    small = np.zeros(n)  # power laws damp nothing
+    expect("stable", review["stable"] == second.stable(second.second_order(case.vehicle, small), case.autopilot))
+    listed = [(2 * np.pi * m["frequency_hz"], m["disc_margin"]) for m in review["minima"]]
+    for omega, value in listed:
+        L = response(case, small, np.array([omega]))[0]
+        expect("value of a minimum", abs(distance(L, criteria)[0] - value) < 1e-8 * max(1, value))
+    reasons = []
+    for omega, value in minima(case, small):
+        expect("minimum listed", min((abs(value - v) + abs(w / omega - 1) for w, v in listed), default=9.0) < 1e-3)
+        share = shares(case, small, omega)
+        clear = not any(doubtful(share, j) for j in range(n))
+        if value < criteria.disc_margin - 1e-6 and clear and not any(belongs(share, j) for j in range(n)):
+            reasons.append("a mode that is no slosh is short of the disc margin")
+    unsupported = False
+    for j, (tank, told) in enumerate(zip(case.vehicle.tanks, review["tanks"], strict=True)):
+        needed, cycle = told["required_damping_together"], told["limit_cycle"]
+
+        def damped(ratio, j=j):
+            return np.where(np.arange(n) == j, ratio, joint)
+
+        if needed is None:
+            verdicts = [good(case, damped(1.0), j, 1e-4)]
+            expect("no damping suffices", verdicts[0] is not True)
+            reasons.append("no damping suffices")
+            expect("acceptable", cycle["acceptable"] is False)
+            continue
+        for level in LEVELS[needed * 1.02 < LEVELS]:
+            expect("good above", good(case, damped(level), j, 1e-4) is not False)
+        if needed == 0.0:
+            expect("acceptable", cycle["acceptable"] is True)
+            continue
+        omega = 2 * np.pi * cycle["frequency_hz"] if cycle["frequency_hz"] else np.nan
+        there = response(case, damped(needed), np.array([omega]))[0] if cycle["frequency_hz"] else np.array([np.inf])
+        reached = distance(there[0], criteria) - criteria.disc_margin
+        # a margin reached is exact; stability, or the end of a shallow minimum, is seen sharply by neither side
+        beside = 1e-3 if abs(reached) < 1e-6 else 2e-2
+        tally["margin reached to 1e-6" if beside < 1e-2 else "stability or the end of a minimum"] += 1
+        expect("good just above", good(case, damped(needed * (1 + beside)), j, 1e-6) is not False)
+        expect("bad just below", good(case, damped(needed * (1 - beside)), j, 1e-6) is not True)
+        if cycle["tvc_amplitude_rad"] is None:
+            unsupported |= cycle["acceptable"] is None
+            continue
+        A = law_amplitude(tank.damping, needed) * tank.frequency
+        ends = 2 * np.pi * np.array(cycle["band_hz"])
+        inside = np.linspace(*ends, 4001)
+        L, z = response(case, damped(needed), inside)
+        near = distance(L, criteria) <= criteria.limit_cycle_disc_margin * (1 + 1e-9)
+        tvc = (A / inside / np.abs(z[:, j]))[near]
+        expect("slosh amplitude", abs(cycle["slosh_amplitude_m"] * omega / A - 1) < 1e-9)
+        expect("engine amplitude", abs(tvc.max() / cycle["tvc_amplitude_rad"][1] - 1) < 1e-3)
+        pilot = (
+            case.autopilot.degraded(10 ** (cycle["gain_db"] / 20), cycle["delay_s"])
+            if cycle["delay_s"] + case.autopilot.delay >= 0
+            else None
+        )
+        for one in cycle["coupled"]:
+            expect("coupled cycle", is_cycle(case, one, pilot) < 1e-6)
+        worst = max([tvc.max(), *(c["tvc_amplitude_rad"] for c in cycle["coupled"] if c["stable"])])
+        if abs(worst / criteria.tvc_amplitude - 1) > 1e-3:  # the samples decide no closer call
+            if worst > criteria.tvc_amplitude:
+                expect("acceptable", cycle["acceptable"] is False)
+            else:
+                expect("acceptable", cycle["acceptable"] is not False)
+        unsupported |= cycle["acceptable"] is None
+        if cycle["acceptable"] is False:
+            reasons.append("the engine moves too much")
+    for one in review["limit_cycles"] or ():
+        expect("cycle as given", is_cycle(case, one, case.autopilot) < 1e-6)
+        if one["stable"] and one["tvc_amplitude_rad"] > criteria.tvc_amplitude:
+            reasons.append("the cycle as given moves the engine too much")
+    axis = 1e-9 * max(t.frequency for t in case.vehicle.tanks)
+    reasons += [
+        "a mode that grows, or that no pole is found for"
+        for m in review["modes"]
+        if m["kind"] != "slosh" and (m["growth_rate"] or 0.0) >= -axis
+    ]
+    unsupported |= review["limit_cycles"] is None
+    expect("verdict", review["verdict"] == ("fail" if reasons else "invalid" if unsupported else "pass"))
+    tally[f"verdict {review['verdict']}"] += 1
+    return bad
+
+
+def tally():
+    """An empty count of comparisons."""
+    return Counter()
