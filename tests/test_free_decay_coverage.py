@@ -36,7 +36,7 @@ def test_bands_hold_the_truth_and_the_damping_is_unbiased(law: str) -> None:
         value = np.real(clean * start) + 0.01 + 0.001 * generator.standard_normal(len(time))
         record = DecayRecord(time=time, value=value, unit="m")
         try:
-            found = free_decay(record, frequency_hint=2.0, draws=1000, seed=seed)
+            found = free_decay(record, frequency_hint=2.0, draws=500, seed=seed)
         except InputError:
             continue
         xi = truth[1] + truth[2] * (found.amplitude[PLACES] / 0.1) ** truth[3]

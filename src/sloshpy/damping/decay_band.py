@@ -19,18 +19,17 @@ _AT_ONCE = 4_000_000  # numbers of resampled residuals held in memory
 class Draws:
     """Resampled answers, each one Gauss-Newton step from the fit.
 
-    ratio: xi at the amplitudes asked for, whichever the law, (draws, amplitudes). frequency: rad/s, likewise, (draws,).
-    values: w, xi0, q, p, k of the law chosen, (draws, 5). start_amplitude: its first, in the record's unit, (draws,).
+    ratio: xi at the amplitudes asked for, whichever the law, (draws, amplitudes). values: w, xi0, q, p, k of the law
+    chosen, (draws, 5). start_amplitude: its first, in the record's unit, (draws,).
     """
 
     ratio: Array
-    frequency: Array
     values: Array
     start_amplitude: Array
 
 
 def bootstrap(tangent: Tangent, noise: Noise, amplitude: Array, draws: int, seed: int) -> Draws:
-    """Resample the residual and refit, both the law chosen and, for xi(A) and the frequency, none.
+    """Resample the residual and refit, both the law chosen and, for xi(A), none.
 
     What the averaging leaves out, measured against integrated decays, is a scatter of its own: xi^2 of the greatest xi
     and 0.05 %, 1e-4 xi^2 of the frequency. It decides where there is hardly any noise.
@@ -49,25 +48,24 @@ def bootstrap(tangent: Tangent, noise: Noise, amplitude: Array, draws: int, seed
     law = np.linalg.pinv(fit.jacobian / size, rcond=1e-9) / size[:, None]
     free = tangent.rows(amplitude)
     generator = np.random.default_rng(seed)
-    moves = _moves(np.concatenate([free, tangent.step[:1], law]), noise, draws, generator)
+    moves = _moves(np.concatenate([free, law]), noise, draws, generator)
     most = float(ratio_at(fit.values[0], np.ones(1))[0])
     theory = generator.standard_normal(draws) / 1.96
     count = len(amplitude)
     values = np.tile(fit.values[0], (draws, 1))
-    by_law = moves[:, count + 1 :]
+    by_law = moves[:, count:]
     values[:, fit.laws[0].at] += by_law[:, : len(fit.laws[0].free)]
+    values[:, 0] *= 1.0 + 1e-4 * most**2 * theory
     first = sum(len(one.free) for one in fit.laws)
     return Draws(
         ratio=(tangent.ratio(amplitude) + moves[:, :count]) * (1.0 + (5e-4 + most**2) * theory[:, None]),
-        frequency=(fit.values[0, 0] + float(tangent.step[0] @ fit.residual) + moves[:, count])
-        * (1.0 + 1e-4 * most**2 * theory),
         values=values,
         start_amplitude=np.hypot(*(fit.coefficient[j] + by_law[:, first + j] for j in (0, 1))),
     )
 
 
 def known_range(record: DecayRecord, tangent: Tangent, noise: Noise, floor: float) -> tuple[float, float]:
-    """Return the amplitudes in the record's unit between which xi is known to a tenth, from `floor` upwards.
+    """Return the amplitudes in the record's unit between which xi is known to 8 %, from `floor` upwards.
 
     A law through a record tells the damping at its ends by what it is in the middle; these bands do not.
 
@@ -104,6 +102,9 @@ def _moves(rows: Array, noise: Noise, draws: int, generator: np.random.Generator
 
 
 def interval(samples: Array, level: float) -> tuple[Array, Array]:
-    """Return the bounds of the central `level` of samples along their first axis."""
-    low, high = np.quantile(samples, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
+    """Return the bounds of the central `level` of samples along their first axis.
+
+    By Weibull's positions k/(draws + 1), between which another sample lies as often as named, however few draws.
+    """
+    low, high = np.quantile(samples, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0, method="weibull")
     return np.asarray(low), np.asarray(high)

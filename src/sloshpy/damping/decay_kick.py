@@ -12,8 +12,8 @@ _PER_CYCLE = 4  # moments looked at
 _INDEPENDENT = 2.0  # of them: what the greatest of all is like in white noise, between 8 and 60 cycles
 _MOST_MOMENTS = 800
 _FALSE_ALARM = 0.01  # of a record without a kick; a smaller one lets kicks through that bend the damping by 10 %
-# of the amplitude: what the averaging leaves stays below it and 0.3 xi^2, and moves the damping by less than its band
-_LEAST_JUMP = 0.002
+# of the amplitude: what the averaging leaves stays below it and 0.2 xi^2, and moves the damping by less than its band
+_LEAST_JUMP = 0.005
 
 
 def check_kick(record: DecayRecord, tangent: Tangent, noise: Noise) -> None:
@@ -33,7 +33,7 @@ def check_kick(record: DecayRecord, tangent: Tangent, noise: Noise) -> None:
     free = max(len(fit.time) * min(float(np.var(fit.residual)) / power, 1.0) - tangent.columns.shape[1], 2.0)
     limit = free * (chance ** (-2.0 / free) - 1.0)  # of twice F with 2 and `free` degrees of freedom
     most = float(ratio_at(fit.values[0], np.ones(1))[0])
-    found = np.where(jump > _LEAST_JUMP + 0.3 * most**2, evidence / power, 0.0)
+    found = np.where(jump > _LEAST_JUMP + 0.2 * most**2, evidence / power, 0.0)
     k = int(np.argmax(found))
     if found[k] > limit:
         at = int(moments[k])

@@ -196,7 +196,11 @@ class FreeDecay:
                 f"the residual is not white: {choice.excess:.3g} times its mean power at the line, and so "
                 "are the resampled ones"
             )
-        others = [fit.laws[0].words for fit, w in zip(choice.fits[1:], choice.weights[1:], strict=True) if w > 0.1]
+        others = [  # a wider law is never told from the one chosen, and so not named
+            fit.laws[0].words
+            for fit, w in zip(choice.fits[1:], choice.weights[1:], strict=True)
+            if w > 0.1 and fit.count <= choice.best.count
+        ]
         if others:
             found.append(f"the record does not tell the law from {'; '.join(others)}: the band holds whichever it is")
         found += self._about_the_range()

@@ -17,7 +17,15 @@ from functools import cached_property
 import numpy as np
 
 from sloshpy.damping.decay_fit import DecayFit
-from sloshpy.damping.decay_model import FLATTEST, STEEPEST, log_envelope_and_phase, ratio_at, wave
+from sloshpy.damping.decay_model import (
+    FLATTEST,
+    STEEPEST,
+    DecayLaw,
+    log_envelope_and_phase,
+    ratio_at,
+    wave,
+    wave_slopes,
+)
 from sloshpy.units import Array
 
 _SHAPES = 3
@@ -28,7 +36,8 @@ _SINGULAR = 1e-10  # of the greatest singular value of columns of length one
 class Tangent:
     """The changes of the record about a fit.
 
-    columns: (n, c), by what the fit has free beside its damping, by the three shapes (at `first`), then by all else.
+    columns: (n, c), by the frequency and its move with the amplitude, by the three shapes (at `first`), then by the
+    second line and the coefficients.
     """
 
     fit: DecayFit
@@ -68,13 +77,16 @@ class Tangent:
 
 
 def tangent(fit: DecayFit) -> Tangent:
-    """Return how the record changes about a fit: the law's numbers give way to the three shapes."""
-    law = fit.laws[0]
-    kept = [k for k, name in enumerate(law.free) if name in {"w", "k"}]
+    """Return how the record changes about a fit: the law's numbers give way to the three shapes.
+
+    The frequency may move with the amplitude, whether the fit has it move or not: no jump is to be seen in that.
+    """
+    turning = DecayLaw(name="turning", free=("w", "k"))
     mode = wave(fit.values[0], fit.time) * (fit.coefficient[0] - 1j * fit.coefficient[1])
-    changes = np.real(mode[:, None] * shape_slopes(fit))
-    columns = np.concatenate([fit.jacobian[:, kept], changes, fit.jacobian[:, len(law.free) :]], axis=1)
-    return Tangent(fit=fit, columns=columns, first=len(kept))
+    slopes = np.stack(wave_slopes(turning, fit.values[0], fit.time), axis=1)
+    changes = np.real(mode[:, None] * np.concatenate([slopes, shape_slopes(fit)], axis=1))
+    columns = np.concatenate([changes, fit.jacobian[:, len(fit.laws[0].free) :]], axis=1)
+    return Tangent(fit=fit, columns=columns, first=len(turning.free))
 
 
 def shape_slopes(fit: DecayFit) -> Array:

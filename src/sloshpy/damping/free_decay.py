@@ -140,7 +140,7 @@ def _estimates(fit: DecayFit, found: Draws, scale: float) -> tuple[Estimate, ...
         low, high = interval(samples, LEVEL)
         return Estimate(name=name, value=float(value), low=float(low), high=float(high), unit=unit)
 
-    rows = [estimate("frequency", w, found.frequency, "rad/s")]
+    rows = [estimate("frequency", w, found.values[:, 0], "rad/s")]
     values, start = found.values, found.start_amplitude / scale
     if "xi0" in law.free:
         rows.append(estimate("constant_ratio", xi0, values[:, 1], "1"))
