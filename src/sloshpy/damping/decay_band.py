@@ -12,7 +12,7 @@ from sloshpy.units import Array
 
 KNOWN = 0.08  # of xi: where the half band is wider, nothing is said; the choice among laws then biases by 2 % at most
 _LOOKED_AT = 73  # amplitudes between the record's ends
-_AT_ONCE = 4_000_000  # numbers of resampled residuals held in memory
+_AT_ONCE = 500_000  # numbers of resampled residuals held at once: they stay in the cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +95,12 @@ def _moves(rows: Array, noise: Noise, draws: int, generator: np.random.Generator
     answer = noise.adjoint(rows).T
     count = len(answer)
     parts = []
-    for first in range(0, draws, max(_AT_ONCE // count, 1)):
-        now = min(max(_AT_ONCE // count, 1), draws - first)
-        parts.append(noise.shocks[generator.integers(0, len(noise.shocks), size=(now, count))] @ answer)
+    for first in range(0, draws, max(_AT_ONCE // count, 32)):
+        now = min(max(_AT_ONCE // count, 32), draws - first)
+        drawn = generator.integers(
+            0, len(noise.shocks), size=(now, count), dtype=np.uint32
+        )  # thrice as fast as 64 bits
+        parts.append(noise.shocks[drawn] @ answer)
     return np.concatenate(parts)
 
 
