@@ -96,6 +96,20 @@ def test_the_decay_of_a_dampers_own_force_gives_its_damping_back(law: DampingLaw
     np.testing.assert_allclose(found.formula.ratio(found.amplitude), found.ratio, rtol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("p", "top", "constant"), [(1.5, 0.1, 0.0), (2.0, 0.1, 0.03), (2.0, 0.14, 0.04), (0.5, 0.14, 0.0)]
+)
+def test_strong_damping_is_found_where_its_own_harmonics_stand_out_of_the_noise(
+    p: float, top: float, constant: float
+) -> None:
+    power = PowerDamping(slope=(top - constant) / 0.1**p, exponent=p)
+    law = SumDamping(of=(ConstantDamping(ratio=constant), power)) if constant else power
+    found = free_decay(record(law, noise=1e-7), frequency_hint=2.0)
+    true = law.ratio(found.amplitude)
+    np.testing.assert_allclose(found.ratio, true, rtol=0.4 * top**2 + 1e-4)
+    assert np.all((found.ratio_low <= true) & (true <= found.ratio_high))
+
+
 def test_bands_agree_with_a_full_refit_of_every_resampled_record() -> None:
     truth = np.array([2.0, 0.0, 0.03, 1.0, 0.0])
     time = np.arange(0.0, 63.0, 0.2)

@@ -48,7 +48,7 @@ def kick_evidence(tangent: Tangent) -> tuple[Array, Array, Array]:
 
     The jump is of the wave's complex amplitude, over the amplitude at that moment.
     """
-    fit, X = tangent.fit, tangent.columns
+    fit = tangent.fit
     n = len(fit.time)
     cycles = fit.values[0, 0] * fit.time[-1] / (2.0 * np.pi)
     count = int(min(_PER_CYCLE * cycles, _MOST_MOMENTS))
@@ -59,7 +59,7 @@ def kick_evidence(tangent: Tangent) -> tuple[Array, Array, Array]:
     Z = np.stack([mode.real * ratio, mode.imag], axis=1)
     size = np.linalg.norm(Z, axis=0)
     Z = Z / size
-    basis = np.linalg.qr(X / np.linalg.norm(X, axis=0))[0]
+    basis = tangent.basis
     later = np.concatenate([basis, tangent.residual[:, None], Z], axis=1)
     # sums from a moment on, of each column times each of Z
     sums = np.stack([np.cumsum((later * z[:, None])[::-1], axis=0)[::-1][moments] for z in Z.T], axis=2)

@@ -52,6 +52,12 @@ class Tangent:
         return np.asarray(np.linalg.pinv(self.columns / size, rcond=_SINGULAR) / size[:, None])
 
     @cached_property
+    def basis(self) -> Array:
+        """Orthonormal columns that span the changes, (n, c)."""
+        size = np.linalg.norm(self.columns, axis=0)
+        return np.asarray(np.linalg.qr(self.columns / np.where(size > 0.0, size, 1.0))[0])
+
+    @cached_property
     def residual(self) -> Array:
         """What is left of the record, (n,)."""
         return np.asarray(self.fit.residual - self.columns @ (self.step @ self.fit.residual))
