@@ -6,6 +6,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from sloshpy.damping import (
     ConstantDamping,
@@ -16,7 +17,9 @@ from sloshpy.damping import (
     TableDamping,
     free_decay,
 )
-from sloshpy.damping.decay_model import LAWS, log_envelope_and_phase, second_order, wave, wave_slopes
+from sloshpy.damping.decay_fit import DecayFit, fit_decay
+from sloshpy.damping.decay_model import LAWS, log_envelope_and_phase, ratio_at, second_order, wave, wave_slopes
+from sloshpy.damping.decay_tangent import shape_slopes, tangent
 from sloshpy.errors import InputError, OutsideValidity
 from synthetic_decay import decay
 
@@ -79,17 +82,32 @@ def test_derivatives_of_the_model_are_those_of_differences() -> None:
 
 @pytest.mark.parametrize("law", DAMPERS, ids=lambda law: law.law)
 def test_the_decay_of_a_dampers_own_force_gives_its_damping_back(law: DampingLaw) -> None:
-    found = free_decay(record(law), frequency_hint=2.0)
+    found = free_decay(record(law, noise=3e-5), frequency_hint=2.0)
     true = law.ratio(found.amplitude)
-    np.testing.assert_allclose(found.ratio, true, rtol=0.006)
+    np.testing.assert_allclose(found.ratio, true, rtol=0.003)
     assert np.all((found.ratio_low <= true) & (true <= found.ratio_high))
     frequency = found.estimate("frequency")
     assert frequency.low <= 2.0 <= frequency.high
-    assert frequency.high - frequency.low < 1e-3
-    assert found.choice.best.laws[0].name == law.law
+    assert frequency.high - frequency.low < 1e-4
+    believed = [fit.laws[0].name for fit, w in zip(found.choice.fits, found.choice.weights, strict=True) if w > 0.05]
+    assert law.law in believed  # Akaike's criterion takes one number too many in every sixth record
     assert found.tested[1] == pytest.approx(0.1, rel=0.01)
     np.testing.assert_allclose(found.law.ratio(found.amplitude[1:-1]), found.ratio[1:-1], rtol=2e-3)
     np.testing.assert_allclose(found.formula.ratio(found.amplitude), found.ratio, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("p", "top", "constant"), [(1.5, 0.1, 0.0), (2.0, 0.1, 0.03), (2.0, 0.14, 0.04), (0.5, 0.14, 0.0)]
+)
+def test_strong_damping_is_found_where_its_own_harmonics_stand_out_of_the_noise(
+    p: float, top: float, constant: float
+) -> None:
+    power = PowerDamping(slope=(top - constant) / 0.1**p, exponent=p)
+    law = SumDamping(of=(ConstantDamping(ratio=constant), power)) if constant else power
+    found = free_decay(record(law, noise=1e-7), frequency_hint=2.0)
+    true = law.ratio(found.amplitude)
+    np.testing.assert_allclose(found.ratio, true, rtol=0.4 * top**2 + 1e-4)
+    assert np.all((found.ratio_low <= true) & (true <= found.ratio_high))
 
 
 def test_bands_agree_with_a_full_refit_of_every_resampled_record() -> None:
@@ -97,17 +115,55 @@ def test_bands_agree_with_a_full_refit_of_every_resampled_record() -> None:
     time = np.arange(0.0, 63.0, 0.2)
     generator = np.random.default_rng(1)
     clean = 0.1 * np.real(wave(truth, time))
+    A = np.array([0.03, 0.0447, 0.08])
 
-    def fit(noise: np.ndarray) -> float:
-        found = free_decay(DecayRecord(time=time, value=clean + noise, unit="m"), frequency_hint=2.0, draws=1000)
-        return float(found.ratio[12] * 0.0447 / found.amplitude[12])  # at one amplitude, along the power law
+    def noisy() -> DecayRecord:
+        return DecayRecord(time=time, value=clean + 0.001 * generator.standard_normal(len(time)), unit="m")
 
-    refits = [fit(0.001 * generator.standard_normal(len(time))) for _ in range(120)]
-    found = free_decay(
-        DecayRecord(time=time, value=clean + 0.001 * generator.standard_normal(len(time)), unit="m"), frequency_hint=2.0
-    )
-    width = found.ratio_high[12] - found.ratio_low[12]
-    assert width == pytest.approx(np.quantile(refits, 0.975) - np.quantile(refits, 0.025), rel=0.3)
+    def widest(record_: DecayRecord) -> np.ndarray:  # the sum with a free exponent, started at the truth
+        law = LAWS[-1]
+        fit = fit_decay([law], np.array([[2.0, 1e-3, 0.029, 1.0, 0.0]]), time, record_.value)
+        assert fit is not None
+        return ratio_at(fit.values[0], A / fit.start_amplitude[0])
+
+    refits = np.array([widest(noisy()) for _ in range(400)])
+    found = free_decay(noisy(), frequency_hint=2.0)
+    widths = [np.interp(A, found.amplitude, bound) for bound in (found.ratio_low, found.ratio_high)]
+    true_width = np.subtract(*np.quantile(refits, [0.975, 0.025], axis=0))
+    np.testing.assert_allclose(widths[1] - widths[0], true_width, rtol=0.2)  # 400 refits: 8 % of scatter
+
+
+@pytest.mark.parametrize("name", ["constant", "power", "sum"])
+def test_the_shapes_of_a_change_hold_the_derivatives_of_the_laws(name: str) -> None:
+    law = next(law for law in LAWS if law.name == name and ("p" in law.free or name == "constant"))
+    values = np.array([[2.0, 0.004 * (name != "power"), 0.03 * (name != "constant"), 0.8, 0.0]])
+    time = np.arange(0.0, 63.0, 0.02)
+    mode = wave(values[0], time)
+    fit = DecayFit(
+        laws=(law,), values=values, coefficient=np.array([0.1, 0.0, 0.0, 0.0, 0.0]), time=time,
+        residual=np.zeros(len(time)),
+    )  # fmt: skip
+    shapes = mode[:, None] * shape_slopes(fit)
+    X = np.concatenate([np.stack([mode, 1j * mode, 1j * time * mode], axis=1), shapes], axis=1)
+    both = np.concatenate([X.real, X.imag])
+    for kind, slope in zip(law.free, wave_slopes(law, values[0], time), strict=True):
+        change = np.concatenate([(mode * slope).real, (mode * slope).imag])
+        left = change - both @ np.linalg.lstsq(both, change, rcond=None)[0]
+        # the phase is carried to the square of xi = 3 %: a tenth of that is left in the change
+        assert np.linalg.norm(left) < 5e-3 * np.linalg.norm(change), kind
+
+
+def test_a_curve_without_a_law_follows_one_that_is_between_those_tried() -> None:
+    # 0.1 % + 3 % (A/A0)^1.1, fitted as if it were an odd square law: the curve is right to second order in the misfit
+    time = np.arange(0.0, 63.0, 0.1)
+    truth = np.array([2.0, 0.001, 0.03, 1.1, 0.0])
+    fit = fit_decay([LAWS[1]], np.array([[2.0, 0.0, 0.03, 1.0, 0.0]]), time, 0.1 * np.real(wave(truth, time)))
+    assert fit is not None
+    A = np.geomspace(0.025, 0.1, 9)
+    true = ratio_at(truth, A / 0.1)
+    by_law = ratio_at(fit.values[0], A / fit.start_amplitude[0])
+    assert np.max(np.abs(by_law / true - 1.0)) > 0.02
+    np.testing.assert_allclose(tangent(fit).ratio(A), true, rtol=5e-4)
 
 
 def test_a_law_is_never_read_outside_the_tested_amplitudes() -> None:
@@ -185,17 +241,17 @@ def test_coloured_noise_widens_the_band_by_its_power_at_the_line() -> None:
     generator = np.random.default_rng(4)
     time = np.arange(0.0, 63.0, 0.05)
     clean = 0.1 * np.real(wave(np.array([2.0, 0.01, 0.0, 1.0, 0.0]), time))
-    held, widths = [], []
-    for _ in range(40):
-        noise = np.zeros(len(time))
-        shocks = 5e-4 * generator.standard_normal(len(time))
-        for k in range(1, len(time)):
-            noise[k] = 0.9 * noise[k - 1] + shocks[k]
-        found = free_decay(DecayRecord(time=time, value=clean + noise, unit="m"), frequency_hint=2.0, draws=500)
+    held = []
+    for _ in range(100):
+        noise = lfilter([1.0], [1.0, -0.9], 5e-4 * generator.standard_normal(len(time) + 200))[200:]
+        try:
+            found = free_decay(DecayRecord(time=time, value=clean + noise, unit="m"), frequency_hint=2.0, draws=500)
+        except InputError:  # red noise has some power at the line, as a disturbance has
+            continue
         assert any("not white" in note for note in found.notes)
-        held.append(found.ratio_low[12] <= 0.01 <= found.ratio_high[12])
-        widths.append(found.ratio_high[12] - found.ratio_low[12])
-    assert np.mean(held) > 0.85  # 40 records: 95 % less three of its scatter
+        held.append((found.ratio_low <= 0.01) & (found.ratio_high >= 0.01))
+    assert len(held) >= 97
+    assert np.mean(held) > 0.9  # a hundred records: 95 % less two of its scatter; white bands would hold 50 %
 
 
 def test_a_result_prints_on_one_screen_and_keeps_its_numbers() -> None:

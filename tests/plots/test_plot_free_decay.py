@@ -1,12 +1,13 @@
-"""The figure of a free decay shows record, fit, damping with its band, and where nothing was tested."""
+"""The figure of a free decay shows record, fit, damping with its band, and which amplitudes were tested."""
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 from sloshpy import plots
 from sloshpy.damping import DecayRecord, FreeDecay, free_decay
 from sloshpy.damping.decay_model import wave
-from sloshpy.plots.style import SMALL
+from sloshpy.plots.style import SMALL, VALID
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +29,10 @@ def test_the_figure_shows_the_result(found: FreeDecay) -> None:
     edges = below.collections[0].get_paths()[0].vertices
     assert edges[:, 1].max() == pytest.approx(100.0 * found.ratio_high.max())
     assert edges[:, 1].min() == pytest.approx(100.0 * found.ratio_low.min())
-    assert len(below.patches) == 2
-    untested = (
-        [patch.get_x() for patch in below.patches],
-        [patch.get_x() + patch.get_width() for patch in below.patches],
-    )
-    assert untested[0] == pytest.approx([0.0, found.tested[1]])
-    assert untested[1][0] == pytest.approx(found.tested[0])
+    (tested,) = below.patches
+    assert (tested.get_x(), tested.get_x() + tested.get_width()) == pytest.approx(found.tested)
+    assert tested.get_facecolor() == to_rgba(VALID)
+    assert [text.get_text() for text in below.get_legend().get_texts()].count("tested") == 1
     assert f"{found.f_hz:.4g} Hz" in above.get_title(loc="left")
     assert all(text.get_fontsize() >= SMALL for ax in (above, below) for text in ax.texts)
     assert "[m]" in below.get_xlabel()

@@ -70,7 +70,12 @@ def test_the_damping_of_a_ringed_tank_is_drawn_to_where_its_formula_holds():
     assert shaded.get_x() == 0.0
     assert shaded.get_width() == found.law.largest_amplitude
     names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names == ["all together", "1 ring after Miles, decay after Coogan and Green", "floor given, 0.4 %"]
+    assert names == [
+        "the formulas hold",
+        "all together",
+        "1 ring after Miles, decay after Coogan and Green",
+        "floor given, 0.4 %",
+    ]
     assert "Slosh-mass displacement [m]" in ax.get_xlabel()
     ax.figure.draw_without_rendering()
     low, high = ax.child_axes[0].get_xlim()

@@ -226,6 +226,7 @@ def test_the_range_in_which_a_law_holds_is_shaded(case: Case, law: PowerDamping,
     assert shaded == ([pytest.approx(known)] if known else [])
     words = [text.get_text() for text in ax.texts]
     assert words.count("unknown") == (0 if known is None else 1 + (known[0] > 0.0))
+    assert words.count("known") == (known is not None)
 
 
 def test_a_motion_that_dies_down_is_titled_by_its_peak_and_what_is_left(case: Case) -> None:

@@ -1,4 +1,4 @@
-"""The best law for a record by Schwarz's criterion, and the second line that would make any of them wrong."""
+"""The best law for a record by Akaike's criterion, and the second line that would make any of them wrong."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,11 +12,11 @@ from sloshpy.damping.decay_record import DecayRecord
 from sloshpy.damping.decay_start import Line, spectrum, two_lines_of
 from sloshpy.units import Array
 
-_WORTH = 2.0  # by which the criterion must fall for a law with one number more: Kass and Raftery's "positive"
 _STRONG = 10.0  # by which it must fall for another line or a frequency that moves: their "very strong"
 _APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
 _FLATTENED = 0.01  # of the amplitude: third harmonic; damping makes one itself, of about a tenth of its ratio
 _DRIFT = 1.5  # cycles within the record: what is slower is drift
+_GROWN = 0.5  # of its logarithm: by how much a second line may seem to grow, one that is driven on and noisy
 _BESIDE = 0.3  # of the main line's amplitude: a greater second line changes the damper's force on the first
 
 
@@ -24,10 +24,12 @@ _BESIDE = 0.3  # of the main line's amplitude: a greater second line changes the
 class Choice:
     """Every law that a record allows, best first, with its criterion.
 
-    excess: of the noise at the line. falling: whether damping that falls with the amplitude would fit far better.
+    constant: the fit of a constant ratio, with any second line taken out of the record. excess: of the noise at the
+    line. falling: whether damping that falls with the amplitude would fit far better.
     """
 
     fits: tuple[DecayFit, ...]
+    constant: DecayFit
     criteria: Array
     excess: float
     falling: bool
@@ -39,7 +41,7 @@ class Choice:
 
     @property
     def weights(self) -> Array:
-        """Each law's share of belief, exp(-BIC/2) over the sum."""
+        """Each law's share of belief, exp(-AIC/2) over the sum (Akaike's weights)."""
         share = np.exp(-0.5 * np.maximum(self.criteria - np.min(self.criteria), 0.0))
         return np.asarray(share / np.sum(share))
 
@@ -51,18 +53,18 @@ def choose_law(record: DecayRecord, line: Line) -> Choice:
         InputError: two close lines, or a second line too strong to stand beside the first.
     """
     time = record.time - record.time[0]
-    fits = _fit_laws(record, time, line, LAWS, None)
+    fits = _fit_laws(record, time, line, LAWS)
     if not fits:
         raise record.refused(f"{line.frequency / 2.0 / np.pi:.4g} Hz", "no decay can be fitted", "look at the record")
     best = min(fits, key=DecayFit.information)
     best = _moving(best, time, record) or best
     laws = LAWS if "k" not in best.laws[0].free else tuple(replace(law, free=(*law.free, "k")) for law in LAWS)
     both = _separate_line(record, time, best)
-    if both is not None:
-        record_of_one = replace(record, value=record.value - both.part(1))
-        best = min(_fit_laws(record_of_one, time, line, laws, None), key=DecayFit.information)
-    pair = _close_lines(record if both is None else record_of_one, time, line, best)
-    pair = _close_lines(record, time, line, best)
+    alone = record if both is None else replace(record, value=record.value - both.part(1))
+    if alone is not record or laws is not LAWS:
+        fits = _fit_laws(alone, time, line, laws)
+        best = min(fits, key=DecayFit.information)
+    pair = _close_lines(alone, time, line, best)
     if pair is not None:
         if abs(pair.values[0, 0] - pair.values[1, 0]) * time[-1] < np.pi:  # half a beat: not told apart
             value = f"amplitude and phase of the line at {line.frequency / 2.0 / np.pi:.4g} Hz"
@@ -71,15 +73,14 @@ def choose_law(record: DecayRecord, line: Line) -> Choice:
         f1, f2 = sorted(pair.values[:, 0] / 2.0 / np.pi)
         cure = "rotate x and y to the tank's axes, excite one mode alone, or look for a disturbance in the record"
         raise record.refused(f"two lines {f1:.4g} / {f2:.4g} Hz", "single-mode damping refused", cure)
-    if laws is not LAWS or both is not None:
-        fits = _fit_laws(record, time, line, laws, None if both is None else both.values[1])
-    return _in_order(fits)
+    constant = next((fit for fit in fits if fit.laws[0].name == "constant"), best)
+    if both is not None:
+        fits = _fit_beside(record, time, fits, both.values[1]) or [both]
+    return _in_order(fits, constant)
 
 
-def _fit_laws(
-    record: DecayRecord, time: Array, line: Line, laws: Sequence[DecayLaw], beside: Array | None
-) -> list[DecayFit]:
-    """Fit each law; a free exponent starts from the better of the fixed ones. `beside`: values of a second line."""
+def _fit_laws(record: DecayRecord, time: Array, line: Line, laws: Sequence[DecayLaw]) -> list[DecayFit]:
+    """Fit each law; a free exponent starts from the better of the fixed ones."""
     fits: list[DecayFit] = []
     ratio = max(line.ratio, 1e-4)
     for law in laws:
@@ -94,28 +95,33 @@ def _fit_laws(
         same = [fit for fit in fits if fit.laws[0].name == law.name]
         if "p" in law.free and same:
             start = min(same, key=lambda fit: fit.squares).values[0].copy()
-        rows = start[None] if beside is None else np.stack([start, beside])
-        fit = fit_decay([law] if beside is None else [law, CONSTANT], rows, time, record.value)
+        fit = fit_decay([law], start[None], time, record.value)
         if fit is not None:
             fits.append(fit)
     return fits
 
 
-def _in_order(fits: list[DecayFit]) -> Choice:
-    """Put the laws in order; one with more numbers must be worth them."""
+def _fit_beside(record: DecayRecord, time: Array, fits: list[DecayFit], beside: Array) -> list[DecayFit]:
+    """Fit each law again together with the second line, from where it was fitted without it."""
+    again = [fit_decay([fit.laws[0], CONSTANT], np.stack([fit.values[0], beside]), time, record.value) for fit in fits]
+    return [fit for fit in again if fit is not None and _apart(fit)]
+
+
+def _in_order(fits: list[DecayFit], constant: DecayFit) -> Choice:
+    """Put the laws in order by Akaike's criterion.
+
+    Schwarz's would keep to one number longer, and bias the damping of a law between those tried by a standard error.
+    """
     excess = noise_excess(min(fits, key=lambda fit: fit.squares))
     allowed = [fit for fit in fits if _possible(fit)] or [fit for fit in fits if fit.laws[0].name == "constant"]
-    scored = sorted(((fit.information(excess), k) for k, fit in enumerate(allowed)))
-    top = scored[0][0]
-    near = [(allowed[k].count, score, k) for score, k in scored if score < top + _WORTH]
-    first = min(near)[2]
-    order = [first, *(k for _, k in scored if k != first)]
-    scores = {k: score for score, k in scored}
+    ordered = sorted(allowed, key=lambda fit: fit.akaike(excess))
+    top = min(fit.information(excess) for fit in allowed)
     lowest = min(fits, key=lambda fit: fit.information(excess))
     falling = lowest.laws[0].name == "sum" and lowest.values[0, 2] < 0.0 and top - lowest.information(excess) > _STRONG
     return Choice(
-        fits=tuple(allowed[k] for k in order),
-        criteria=np.array([scores[k] for k in order]),
+        fits=tuple(ordered),
+        constant=constant,
+        criteria=np.array([fit.akaike(excess) for fit in ordered]),
         excess=excess,
         falling=falling,
     )
@@ -129,6 +135,12 @@ def _possible(fit: DecayFit) -> bool:
     return bool(("xi0" not in fit.laws[0].free or fit.laws[0].name == "constant" or xi0 > 0.0) and (
         "q" not in fit.laws[0].free or q > 0.0
     ))  # fmt: skip
+
+
+def _apart(fit: DecayFit) -> bool:
+    """Whether the second line of a fit is one: it has not wandered to the first, nor does it die at once or grow."""
+    (w1, *_), (w2, ratio, *_) = fit.values
+    return bool(abs(w2 / w1 - 1.0) >= _APART and ratio < 0.3 and ratio * w2 * fit.time[-1] > -_GROWN)
 
 
 def _far_better(fit: DecayFit, other: DecayFit, excess: float) -> bool:
@@ -184,7 +196,7 @@ def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> DecayFit
         return None  # a misfit of the law, or two lines that the fit of two has not told apart
     second = np.array([w2, max(float(best.values[0, 1]), 0.002), 0.0, 1.0, 0.0])
     fit = fit_decay([best.laws[0], CONSTANT], np.stack([best.values[0], second]), time, record.value)
-    if fit is None or not _far_better(fit, best, noise_excess(fit, mode=1)):
+    if fit is None or not _apart(fit) or not _far_better(fit, best, noise_excess(fit, mode=1)):
         return None
     if fit.values[1, 0] * time[-1] < _DRIFT * 2.0 * np.pi:
         raise record.refused("drift", "is no straight line or parabola", "take the slow part out of the record")

@@ -71,6 +71,12 @@ class DecayFit:
         least = len(self.residual) * (_EXACT * float(self.start_amplitude[0])) ** 2
         return float(n * np.log((self.squares + least) / len(self.residual)) + (self.count + 1) * np.log(n))
 
+    def akaike(self, excess: float = 1.0) -> float:
+        """Return Akaike's criterion as corrected for few samples (Hurvich and Tsai 1989); `excess` as above."""
+        n, numbers = len(self.residual), self.count + 1
+        schwarz = self.information(excess) - numbers * np.log(n / excess)
+        return float(schwarz + 2.0 * numbers * n / max(n - numbers - 1, 1))
+
     @cached_property
     def jacobian(self) -> Array:
         """Derivative of the model by all free parameters, mode after mode, then by the coefficients: (n, count)."""

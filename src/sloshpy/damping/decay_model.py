@@ -20,6 +20,7 @@ linearly and can be projected out.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -69,6 +70,7 @@ LAWS = (
 )
 
 
+@lru_cache(maxsize=64)
 def second_order(p: float) -> float:
     """Return K of (b) at an exponent."""
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sloshpy.damping.decay_band import KNOWN
 from sloshpy.damping.decay_checks import Sampling
 from sloshpy.damping.decay_choice import Choice
 from sloshpy.damping.decay_model import ratio_at
@@ -38,8 +39,9 @@ class FreeDecay:
     record: the part that was fitted. measured: what its column is. per_displacement: record per slosh-mass
     displacement, None where not given; amplitude is then in the record's unit. hint: rad/s or None.
     choice: every law tried, best first. amplitude, ratio, ratio_low, ratio_high: (A,), slosh-mass displacement
-    amplitude in m over the tested range, xi by the best law, and the bounds of its `level` band. estimates: frequency,
-    rad/s, and the law's numbers. halves: difference of the damping of both halves in standard errors.
+    amplitude in m over the tested range, xi by the best law, and the bounds of the `level` band, which holds whichever
+    law it is. estimates: frequency, rad/s, and the law's numbers, whose bands hold if it is this law. halves:
+    difference of the damping of both halves in standard errors.
     """
 
     record: DecayRecord
@@ -191,16 +193,39 @@ class FreeDecay:
             found.append(f"the frequency moves with the amplitude: {change:+.3g} % at the start")
         if choice.excess > 1.0:
             found.append(
-                f"the residual is not white: {choice.excess:.3g} times its mean power at the line; bands by blocks"
+                f"the residual is not white: {choice.excess:.3g} times its mean power at the line, and so "
+                "are the resampled ones"
             )
-        others = [fit.laws[0].words for fit, w in zip(choice.fits[1:], choice.weights[1:], strict=True) if w > 0.1]
+        others = [  # a wider law is never told from the one chosen, and so not named
+            fit.laws[0].words
+            for fit, w in zip(choice.fits[1:], choice.weights[1:], strict=True)
+            if w > 0.1 and fit.count <= choice.best.count
+        ]
         if others:
-            found.append(f"the record does not tell the law from {'; '.join(others)}: the bands hold all of them")
+            found.append(f"the record does not tell the law from {'; '.join(others)}: the band holds whichever it is")
+        found += self._about_the_range()
         if self.sampling.jitter > 0.01:
             found.append(f"steps scatter by {100.0 * self.sampling.jitter:.2g} % of {self.sampling.step:.4g} s")
         if self.sampling.widest > 1.5 * self.sampling.step:
             found.append(f"samples are missing: the widest gap is {self.sampling.widest:.4g} s")
         return tuple(found)
+
+    def _about_the_range(self) -> list[str]:
+        """What to know of the amplitudes: where the record reaches farther, and where the law leaves its band."""
+        scale = self.per_displacement or 1.0
+        unit = self.record.unit if self.per_displacement is None else "m"
+        (low, high), first, last = self.tested, self.envelope[0] / scale, self.envelope[-1] / scale
+        found = []
+        if high < 0.98 * first or low > 1.02 * last:
+            found.append(
+                f"the record reaches from {last:.3g} to {first:.3g} {unit}, but shows the damping to "
+                f"{100.0 * KNOWN:g} % only at the amplitudes given here"
+            )
+        out = (self.ratio < self.ratio_low) | (self.ratio > self.ratio_high)
+        if np.any(out):
+            at = ", ".join(f"{self.amplitude[k]:.3g}" for k in np.flatnonzero(out)[[0, -1]])
+            found.append(f"no law here fits everywhere: it leaves the band, which holds without one, at {at} {unit}")
+        return found
 
     def __str__(self) -> str:
         low, high = self.tested

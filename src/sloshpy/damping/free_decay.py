@@ -5,20 +5,22 @@ from dataclasses import replace
 import numpy as np
 
 from sloshpy.damping import decay_checks as checks
-from sloshpy.damping.decay_band import Draws, bootstrap, interval
+from sloshpy.damping.decay_band import Draws, bootstrap, interval, known_range
 from sloshpy.damping.decay_choice import Choice, choose_law
 from sloshpy.damping.decay_fit import DecayFit
-from sloshpy.damping.decay_model import CONSTANT, ratio_at
+from sloshpy.damping.decay_kick import check_kick
+from sloshpy.damping.decay_model import ratio_at
+from sloshpy.damping.decay_noise import noise_of
 from sloshpy.damping.decay_record import UNIT_OF, DecayRecord, Measured
 from sloshpy.damping.decay_result import Estimate, FreeDecay
 from sloshpy.damping.decay_start import main_line, strongest_line
+from sloshpy.damping.decay_tangent import tangent
 from sloshpy.errors import InputError, Problem
 from sloshpy.units import Array
 
 LEVEL = 0.95
 _GRID = 25  # amplitudes of the band, evenly spaced in their logarithm
 _MOST_RATIO = 0.15  # first-order averaging is good to 1 % of xi up to here
-_WIDEST = 0.5  # of xi at the middle amplitude: a wider half band identifies nothing
 
 
 def free_decay(
@@ -34,8 +36,8 @@ def free_decay(
 ) -> FreeDecay:
     """Identify slosh frequency and damping from a free decay: x = offset + drift t + A(t) cos theta(t) + white noise.
 
-    Maximum likelihood of a constant, a power and a sum law, the best by Schwarz's criterion; bands by bootstrap, mixed
-    over the laws by their weights.
+    Maximum likelihood of a constant, a power and a sum law, the best by Akaike's criterion; bands by bootstrap, wide
+    enough for any of the laws, whichever was chosen. Amplitudes at which the damping is not known to 8 % are left out.
 
     Args:
         record: one decay, sampled at known times.
@@ -65,11 +67,13 @@ def free_decay(
     _check_fits(part, choice)
     floor = checks.check_strength(part, best, sampling.step, choice.excess)
     halves = checks.check_halves(part, best, choice.excess)
-    found = bootstrap(choice, draws, seed)
-    amplitude = np.geomspace(floor, float(best.start_amplitude[0]), _GRID)
+    about = tangent(best)
+    noise = noise_of(about)
+    check_kick(part, about, noise)
+    amplitude = np.geomspace(*known_range(part, about, noise, floor), _GRID)
     ratio = ratio_at(best.values[0], amplitude / best.start_amplitude[0])
-    low, high = interval(found.ratio(amplitude), LEVEL)
-    _check_band(part, ratio, low, high)
+    found = bootstrap(about, noise, amplitude, draws, seed)
+    low, high = interval(found.ratio, LEVEL)
     return FreeDecay(
         record=part,
         measured=measured,
@@ -81,8 +85,8 @@ def free_decay(
         seed=seed,
         amplitude=amplitude / (scale or 1.0),
         ratio=ratio,
-        ratio_low=np.minimum(low, ratio),
-        ratio_high=np.maximum(high, ratio),
+        ratio_low=np.maximum(low, 0.0),
+        ratio_high=high,
         estimates=_estimates(best, found, scale or 1.0),
         halves=halves,
     )
@@ -115,8 +119,7 @@ def _scale(record: DecayRecord, measured: Measured, per_displacement: float | No
 def _check_fits(record: DecayRecord, choice: Choice) -> None:
     """Refuse what no law explains, what does not decay, and damping beyond the theory."""
     best = choice.best
-    constant = next((fit for fit in choice.fits if fit.laws[0].name == CONSTANT.name), best)
-    checks.check_decay(record, constant, choice.excess)
+    checks.check_decay(record, choice.constant, choice.excess)
     if choice.falling:
         cure = "look for a limited or clipped sensor, or contact-line friction, which only a table by hand can hold"
         raise record.refused("damping that falls with the amplitude", "fits better than any law of damping", cure)
@@ -127,15 +130,8 @@ def _check_fits(record: DecayRecord, choice: Choice) -> None:
         raise record.refused(f"damping {100.0 * most:.3g} %", rule, "start at a smaller amplitude")
 
 
-def _check_band(record: DecayRecord, ratio: Array, low: Array, high: Array) -> None:
-    middle = len(ratio) // 2
-    if 0.5 * (high[middle] - low[middle]) > _WIDEST * ratio[middle]:
-        value = f"95 % band {100.0 * low[middle]:.2g}-{100.0 * high[middle]:.2g} %"
-        raise record.refused(value, "identifies no damping", "record for longer, or with less noise")
-
-
 def _estimates(fit: DecayFit, found: Draws, scale: float) -> tuple[Estimate, ...]:
-    """Return frequency and the law's numbers with their bands; those of the numbers hold for this law."""
+    """Return frequency and the law's numbers with their bands; those of the numbers hold if this is the law."""
     law = fit.laws[0]
     w, xi0, q, p, k = fit.values[0]
     A0 = fit.start_amplitude[0] / scale
@@ -145,7 +141,7 @@ def _estimates(fit: DecayFit, found: Draws, scale: float) -> tuple[Estimate, ...
         return Estimate(name=name, value=float(value), low=float(low), high=float(high), unit=unit)
 
     rows = [estimate("frequency", w, found.values[:, 0], "rad/s")]
-    values, start = found.values[: found.of_best], found.start_amplitude[: found.of_best] / scale
+    values, start = found.values, found.start_amplitude / scale
     if "xi0" in law.free:
         rows.append(estimate("constant_ratio", xi0, values[:, 1], "1"))
     if "q" in law.free:

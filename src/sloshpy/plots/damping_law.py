@@ -8,12 +8,12 @@ from sloshpy.plots.style import (
     INK,
     SAFE,
     SMALL,
-    VALID,
     axes_or_new,
     curve_style,
     finish,
     mark_line,
     percent,
+    shade_valid,
 )
 from sloshpy.stability import DampingLawCurve
 
@@ -30,7 +30,9 @@ def plot_damping_law(curve: DampingLawCurve, ax: Axes | None = None) -> Axes:
     right = float(a[-1]) if np.isinf(high) else 1.15 * high
     ax.set_xlim(0.0, right)
     if low > 0.0 or right > high:
-        ax.axvspan(low, min(high, right), color=VALID, linewidth=0.0, zorder=0)
+        shade_valid(ax, low, min(high, right), "known")
+        words = {"ha": "center", "va": "bottom", "fontsize": SMALL, "color": INK}
+        ax.annotate("known", (0.5 * (low + min(high, right)), 0.03), xycoords=("data", "axes fraction"), **words)  # type: ignore[arg-type]
     for begin, end in ((0.0, low), (high, right)):
         if begin < end:
             middle = (0.5 * (begin + end), 0.03)

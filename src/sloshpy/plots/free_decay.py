@@ -1,20 +1,19 @@
 """A free decay with its fit, and the damping that it shows over the amplitude."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sloshpy.damping import FreeDecay
-from sloshpy.plots.style import ALARM, GREY, INK, SAFE, SHADE, SIZE, SMALL, finish, percent
+from sloshpy.plots.style import ALARM, GREY, SAFE, SIZE, SMALL, finish, percent, shade_valid
 
 _MOST_POINTS = 6000  # drawn; the figure is 1000 dots wide
 
 
 def plot_free_decay(found: FreeDecay, ax: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
-    """Draw the record with the fitted envelope above xi(A) with its band; amplitudes without data are shaded.
+    """Draw the record with the fitted envelope above xi(A) with its band; the tested amplitudes are shaded.
 
     Args:
         found: result of `free_decay`.
@@ -56,11 +55,7 @@ def _damping(ax: Axes, found: FreeDecay) -> None:
     right = 1.12 * high
     ax.set_xlim(0.0, right)
     ax.set_ylim(0.0, top)
-    words: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "center", "fontsize": SMALL, "color": INK}
-    for begin, end in ((0.0, low), (high, right)):
-        ax.axvspan(begin, end, color=SHADE, alpha=0.8, linewidth=0.0)
-        if end - begin > 0.05 * right:
-            ax.annotate("not tested", (0.5 * (begin + end), 0.5), xycoords=("data", "axes fraction"), **words)
+    shade_valid(ax, low, high, "tested")
     # in the lower right corner of the tested range: damping grows with the amplitude, and the axis begins at zero
     ax.legend(loc="lower right", bbox_to_anchor=(high / right, 0.0), fontsize=SMALL)
     known = found.per_displacement is not None

@@ -76,6 +76,14 @@ def mark_line(ax: Axes, value: float, text: str, *, vertical: bool = False, at: 
         ax.annotate(text, (at, value), (0, 2), **words)
 
 
+def shade_valid(ax: Axes, low: float, high: float, label: str) -> None:
+    """Shade the abscissas on which data or a formula hold, with edges that survive in grey; what is white, does not.
+
+    The label says what of them holds, in the legend of the Axes.
+    """
+    ax.axvspan(low, high, facecolor=VALID, edgecolor=GREY, linewidth=0.8, zorder=0, label=label)
+
+
 def label_column(ax: Axes, anchors: Sequence[tuple[float, float]], texts: Sequence[str], at: float, gap: float) -> None:
     """Label points of curves by a column of texts with leaders; set the limits of the Axes before.
 

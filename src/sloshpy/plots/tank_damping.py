@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from sloshpy.plots.style import GREY, SMALL, VALID, axes_or_new, curve_style, finish, percent
+from sloshpy.plots.style import GREY, SMALL, axes_or_new, curve_style, finish, percent, shade_valid
 from sloshpy.tank import TankDamping
 
 
@@ -22,7 +22,7 @@ def plot_tank_damping(found: TankDamping, ax: Axes | None = None) -> Axes:
     end = min(found.law.largest_amplitude, float(A[-1]))
     ax.set_xlim(0.0, float(A[-1]))
     ax.set_ylim(0.0, 140.0 * float(np.nanmax(xi)))  # room for the legend
-    ax.axvspan(0.0, end, color=VALID, linewidth=0.0, zorder=0)
+    shade_valid(ax, 0.0, end, "the formulas hold")
     rings, constant = found.baffles, found.constant
     if rings is not None and constant is not None:
         ax.plot(A, 100.0 * xi, label="all together", **curve_style(2))
