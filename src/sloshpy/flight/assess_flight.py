@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sloshpy.flight.phase_review import PhaseReview, phase_steps, review_phase
+from sloshpy.flight.phase_review import PhaseReview, phase_steps, reviewed
 from sloshpy.flight.trajectory import Trajectory
 from sloshpy.flight.windows import GrowthWindow
+from sloshpy.flight.workers import answered
 from sloshpy.flight.worst import Worst, worst_of
 
 if TYPE_CHECKING:
@@ -120,7 +121,9 @@ class FlightAssessment:
         )
 
 
-def assess_flight(trajectory: Trajectory, cycles: int = 1, progress: Progress | None = None) -> FlightAssessment:
+def assess_flight(
+    trajectory: Trajectory, cycles: int = 1, progress: Progress | None = None, workers: int = 0
+) -> FlightAssessment:
     """Assess a flight at every time of every phase; an event on both its sides.
 
     The loop is read at each tank's small amplitude; required damping holds the other tanks where all tanks together
@@ -131,19 +134,22 @@ def assess_flight(trajectory: Trajectory, cycles: int = 1, progress: Progress | 
         cycles: the whole review, limit cycles included, at every so many times and at both ends of each phase; 0 for
             none: then there is no verdict, but a linear criterion may fail.
         progress: hears of every step of the work.
+        workers: processes that share the times among them, with the same result bit for bit; 0: this process alone. A
+            script that asks for them guards its own work by `if __name__ == "__main__"`.
     """
-    total = sum(phase_steps(phase, cycles) for phase in trajectory)
-    done = 0
+    steps = [phase_steps(phase, cycles) for phase in trajectory]
+    total, done = sum(len(own) for own in steps), 0
 
     def told(what: str) -> None:
         nonlocal done
-        if progress is not None:
-            progress(done, total, what)
         done += 1
+        if progress is not None:
+            progress(done, total, what if done < total else "done")
 
-    reviews = tuple(review_phase(phase, cycles, told) for phase in trajectory)
     if progress is not None:
-        progress(total, total, "done")
+        progress(0, total, "margins")
+    answers = iter(answered([step for own in steps for step in own], workers, told))
+    reviews = tuple(reviewed(phase, [next(answers) for _ in own]) for phase, own in zip(trajectory, steps, strict=True))
     worst = worst_of(reviews)
     return FlightAssessment(
         trajectory=trajectory, verdict=_verdict(reviews, worst, cycles), cycles=cycles, worst=worst, reviews=reviews

@@ -96,20 +96,24 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
     bare = case.autopilot.actuator_alone
 
     latest = [near]  # each answer starts the next, most differ little
+    from_near: dict[tuple[float, float], tuple[complex, Mode | None, float]] = {}
 
     def read(y: Array) -> tuple[complex, Mode | None, float]:
         """Return an engine factor within its least, the mode with it and the command amplitude that it asks for."""
         k = complex(y[0], y[1])
         k = k if abs(k) > LEAST else complex(LEAST)
-        follower = Follower(loop=_scaled(loop, k), laws=laws, tank=tank)
-        mode = follower.at(a, latest[0])
-        if mode is None and latest[0] is not near:
+        follower, start = Follower(loop=_scaled(loop, k), laws=laws, tank=tank), latest[0]
+        mode = follower.at(a, start)
+        if mode is None and start is not near:
             mode = follower.at(a, near)
         if mode is None:
             return k, None, np.nan
         latest[0] = mode
         linear = abs(complex(forward_transfer(bare, np.array(1j * mode.pole.imag))))
-        return k, mode, mode.tvc / (abs(k) * linear)
+        found = k, mode, mode.tvc / (abs(k) * linear)
+        if start is near:
+            from_near[float(y[0]), float(y[1])] = found
+        return found
 
     def lacking(y: Array) -> Array:
         _, mode, command = read(y)
@@ -126,7 +130,8 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
                 continue
             solution = result.x
         latest[0] = near  # the answer must be that of the mode before, not of another branch met on the way
-        k, mode, command = read(solution)
+        known = from_near.get((float(solution[0]), float(solution[1])))
+        k, mode, command = read(solution) if known is None else known
         if mode is not None:
             peak = actuator_factor(actuator, command, mode.pole.imag)[1]
             return LimitedMode(mode=mode, command=command, peak=peak, kappa=k)
