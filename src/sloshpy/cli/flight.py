@@ -1,5 +1,7 @@
 """Commands about a flight: every time of it assessed, and the growth of a slosh mode along it."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -32,25 +34,46 @@ def flight(
         Path | None, Parameter(help="write the damping required of each tank, NAME-TANK.csv, .xlsx or .nc")
     ] = None,
     every: Annotated[int, Parameter(help="limit cycles at every so many times, and at the ends of each phase")] = 1,
+    report: Annotated[Path | None, Parameter(help="write a self-contained HTML report")] = None,
+    json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
+    workers: Annotated[int | None, Parameter(help="processes; default: the cores of this machine")] = None,
 ) -> int:
-    """Assess every time of a flight and print the worst of each criterion with its time."""
+    """Assess every time of a flight and print the worst of each criterion with its time.
+
+    Exit status: 0 the criteria are met, 1 one is not (or no verdict is supported, or --linear asks for none), 2 the
+    input was refused, 130 interrupted.
+    """
     if every < 1:
         raise refused("--every", every, "must be 1 or more", "leave it out for every time")
+    count = len(os.sched_getaffinity(0)) if workers is None else workers
+    if not 1 <= count <= 512:
+        raise refused("--workers", workers, "must be 1 to 512", "leave it out for all cores")
+    if report is not None:
+        writable(file, report, {".html", ".htm"})
     if figures is not None and figures.exists() and not figures.is_dir():
         raise refused("--figures", figures, "is a file", "name a folder")
     if requirement is not None:
         writable(file, requirement, {".csv", ".xlsx", ".nc"})
-    result = assessed(read_flight(file), 0 if linear else every)
-    print(result)
+    try:
+        result = assessed(read_flight(file), 0 if linear else every, count)
+    except KeyboardInterrupt:
+        print("interrupted: nothing is written", file=sys.stderr)
+        return 130
+    print(result.to_json() if json else result)
+    beside = sys.stderr if json else sys.stdout
     if requirement is not None:
         for tank in result.trajectory.tanks:
             own = requirement.with_stem(f"{requirement.stem}-{tank.replace(' ', '_')}")
-            print(f"table: {write_requirement(damping_requirement(result, tank), own)}")
+            print(f"table: {write_requirement(damping_requirement(result, tank), own)}", file=beside)
     if figures is not None:
         from sloshpy.report import write_flight_figures  # matplotlib: only when something is drawn
 
         for path in write_flight_figures(result, figures):
-            print(f"figure: {path}")
+            print(f"figure: {path}", file=beside)
+    if report is not None:
+        from sloshpy.report import write_flight_report  # as above
+
+        print(f"report: {write_flight_report(result, report)}", file=beside)
     return 0 if result.verdict == "pass" else 1
 
 
@@ -82,7 +105,10 @@ def flight_growth(
     return save(plots.plot_growth_check(check), path)
 
 
-def assessed(trajectory: Trajectory, cycles: int) -> FlightAssessment:
+FEWEST = 12  # times that are worth the start of worker processes, a second or two
+
+
+def assessed(trajectory: Trajectory, cycles: int, workers: int) -> FlightAssessment:
     """Assess a flight with a progress bar on standard error, where that is a terminal."""
     from rich.console import Console  # 0.1 s
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -95,4 +121,4 @@ def assessed(trajectory: Trajectory, cycles: int) -> FlightAssessment:
         def progress(done: int, total: int, what: str) -> None:
             bar.update(task, completed=done, total=total, description=what)
 
-        return assess_flight(trajectory, cycles, progress)
+        return assess_flight(trajectory, cycles, progress, workers if trajectory.count >= FEWEST else 0)

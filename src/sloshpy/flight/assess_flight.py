@@ -50,16 +50,41 @@ class FlightAssessment:
         lines += [f"  {one}" for one in self.worst]
         lines += [f"  - {window}" for window in self.windows[:4]]
         lines += [f"  ({len(self.windows) - 4} further windows of growth)"] if len(self.windows) > 4 else []
-        lines += [f"  - {v}" for v in self._exchanges]
+        lines += [f"  - {v}" for v in self.exchanges]
+        lines += [f"  - {event}" for event in t.crossings]
         lines += [f"  - {phase.name}: {note}" for phase in t for note in phase.notes]
         return "\n".join(lines)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What the verdict rests on: what fails, or what there is no number for, or that all is met."""
+        failed = [
+            f"{w.criterion}: {w.shown}{_limited(w)} at {w.time:g} s ({w.phase})" for w in self.worst if w.met is False
+        ]
+        open_ = [
+            f"{w.criterion}: {w.shown}, first at {w.time:g} s ({w.phase}): {w.why}"
+            for w in self.worst
+            if w.why and w.met is None
+        ]
+        if failed or open_:
+            return (*failed, *open_)
+        if self.verdict == "linear":
+            return ("limit cycles decide on slosh and were not asked for; every other criterion is met",)
+        asked = "every time" if self.cycles == 1 else f"{self._asked} of {self.trajectory.count} times"
+        return (f"every criterion is met, limit cycles sought at {asked}",)
+
+    def to_json(self) -> str:
+        """Return the review as one JSON object in SI units; null where there is no number."""
+        from sloshpy.flight.contract import flight_json  # stands on this module
+
+        return flight_json(self)
 
     @property
     def _asked(self) -> int:
         return sum(one is not None or bool(why) for r in self.reviews for one, why in _asked_of(r))
 
     @property
-    def _exchanges(self) -> list[str]:
+    def exchanges(self) -> list[str]:
         """Modes that trade tanks: the damping of a mode is then another tank's before than after."""
         return [
             f"{v.tanks[0]} and {v.tanks[1]} slosh exchange modes from {v.start:g} to {v.end:g} s ({r.phase.name})"
@@ -165,6 +190,10 @@ def _verdict(reviews: tuple[PhaseReview, ...], worst: tuple[Worst, ...], cycles:
     if cycles == 0:
         return "linear"
     return "invalid" if "invalid" in verdicts or any(any(r.unsupported) for r in reviews) else "pass"
+
+
+def _limited(one: Worst) -> str:
+    return f", limit {one.limit}" if one.limit else ""
 
 
 def _asked_of(review: PhaseReview) -> list[tuple[Any, str]]:

@@ -24,10 +24,12 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
     most = 1.3 * growth.amplitude[growth.greatest]
     ax.set_ylim(-most, most)
     legend(ax, 2, "upper left")
-    message = (
-        f"{growth.tank} slosh reaches {growth.amplitude[growth.greatest]:.3g} m at "
-        f"{growth.time[growth.greatest]:.0f} s; "
-        f"prediction and simulation differ by {100.0 * check.worst:.2g} % at most"
+    k = growth.greatest
+    course = (
+        f"grows from {growth.amplitude[0]:.3g} to {growth.amplitude[k]:.3g} m at {growth.time[k]:.0f} s"
+        if k
+        else f"dies down from {growth.amplitude[0]:.3g} to {growth.amplitude[-1]:.3g} m"
     )
+    message = f"{growth.tank} slosh {course}; simulation differs by {100.0 * check.worst:.2g} % at most"
     finish(ax, message, TIME, "Slosh [m]")
     return ax
