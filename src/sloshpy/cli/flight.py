@@ -11,11 +11,14 @@ from sloshpy.cli.app import app
 from sloshpy.cli.options import Output, Tank, figure_path, quantity, refused, save, tank_of, writable
 from sloshpy.files import read_flight, write_requirement
 from sloshpy.flight import (
+    CarriedGrowth,
     FlightAssessment,
+    FlightGrowth,
     Trajectory,
     assess_flight,
     check_growth,
     damping_requirement,
+    growth_across,
     growth_along,
 )
 
@@ -81,25 +84,35 @@ def flight(
 def flight_growth(
     file: FlightFile,
     *,
-    phase: Annotated[str | None, Parameter(help="name of the phase; default: the first")] = None,
+    phase: Annotated[str | None, Parameter(help="stay in the phase of this name; default: on across events")] = None,
     tank: Tank = None,
     amplitude: Annotated[str, Parameter(help="slosh at the start")] = "0.01 m",
-    start: Annotated[str | None, Parameter(help="time of flight at the start; default: that of the phase")] = None,
-    end: Annotated[str | None, Parameter(help="time of flight at the end; default: that of the phase")] = None,
+    start: Annotated[
+        str | None, Parameter(help="time of flight at the start; default: where phase or flight begins")
+    ] = None,
+    end: Annotated[str | None, Parameter(help="time at the end; default: where phase or flight ends")] = None,
     output: Output = None,
 ) -> int:
-    """Print how a slosh mode grows along a phase of a flight, and draw it against the nonlinear simulation."""
+    """Print how a slosh mode grows along a flight, and draw it against the nonlinear simulation.
+
+    It goes on across an event that leaves vehicle and liquid as they are, and ends at any other with the reason.
+    """
     from sloshpy import plots  # matplotlib: only when something is drawn
 
     trajectory, path = read_flight(file), figure_path(file, output, "growth")
-    names = [one.name for one in trajectory]
+    names, size = [one.name for one in trajectory], quantity("--amplitude", amplitude, "m")
     if phase is not None and phase not in names:
         raise refused("--phase", phase, "is no phase of the flight", f"one of {', '.join(names)}")
-    own = trajectory.phases[0 if phase is None else names.index(phase)]
-    ends = [
+    first, last = (
         None if text is None else quantity(option, text, "s") for option, text in (("--start", start), ("--end", end))
-    ]
-    growth = growth_along(own, tank_of(own.case, tank), quantity("--amplitude", amplitude, "m"), *ends)
+    )
+    growth: FlightGrowth | CarriedGrowth
+    if phase is not None:
+        own = trajectory.phases[names.index(phase)]
+        growth = growth_along(own, tank_of(own.case, tank), size, first, last)
+    else:
+        begins = trajectory.phase_at(float(trajectory.phases[0].time[0]) if first is None else first)
+        growth = growth_across(trajectory, tank_of(begins.case, tank), size, first, last)
     check = check_growth(growth)
     print(check)
     return save(plots.plot_growth_check(check), path)

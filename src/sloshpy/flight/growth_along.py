@@ -40,7 +40,8 @@ class FlightGrowth:
     """The amplitude of one slosh mode along a phase.
 
     time: (S,), s. amplitude: (S,), m of the mode's own tank. growth, adiabatic: (S,), 1/s, sigma and alpha.
-    slosh: (S, n_tanks), m, of all tanks. tvc: (S,), rad. pole: (S,), rad/s. start: the mode at the start.
+    slosh: (S, n_tanks), m, of all tanks. tvc: (S,), rad. pole: (S,), rad/s. start, finish: the mode at both ends,
+    at the phase's time before the start and after the end.
     mixing: (S,), share of another mode that the change brings into the slosh of the mode's own tank, to first order:
     |l_k . A' r| / |lambda - lambda_k|^2, in slosh. Where it is not small, no one mode describes the motion.
     """
@@ -56,6 +57,7 @@ class FlightGrowth:
     pole: ComplexArray
     mixing: Array
     start: Mode
+    finish: Mode
 
     @property
     def factor(self) -> float:
@@ -116,7 +118,7 @@ def growth_along(
     """Return the amplitude of a tank's slosh mode along a phase, from one amplitude on.
 
     sigma and alpha are taken at the times of the phase and linear between them; alpha at the damping of the mode when
-    it is first there. An event ends it: what it does to an oscillation is for a simulation.
+    it is first there. An event ends it: `growth_across` goes on behind those that leave vehicle and liquid alone.
 
     Args:
         phase: its times close enough that sigma is nearly linear between them.
@@ -162,6 +164,7 @@ def growth_along(
         pole=np.array([row.pole for row in rows]),
         mixing=np.array([row.mixing for row in rows]),
         start=course.near[k],
+        finish=course.near[phase.place(t1)[0] + 1],
     )
 
 

@@ -169,6 +169,18 @@ class Trajectory:
             for one, two in itertools.pairwise(self.phases)
         )
 
+    def phase_at(self, time: float) -> Phase:
+        """Return the phase that holds a time in s, at an event the one after it.
+
+        Raises:
+            OutsideValidity: no phase holds it.
+        """
+        holding = [phase for phase in self.phases if phase.time[0] <= time <= phase.time[-1]]
+        if not holding:
+            spans = ", ".join(f"{phase.time[0]:g} to {phase.time[-1]:g} s" for phase in self.phases)
+            raise OutsideValidity(f"{time:g} s lies in no phase; they reach from {spans}")
+        return holding[-1]
+
     def __iter__(self) -> Iterator[Phase]:
         return iter(self.phases)
 

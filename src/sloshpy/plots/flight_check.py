@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 
 from sloshpy.flight import GrowthCheck
 from sloshpy.plots.flight_axes import TIME, legend
-from sloshpy.plots.style import ALARM, GREY, axes_or_new, finish
+from sloshpy.plots.style import ALARM, GREY, axes_or_new, finish, mark_line
 
 
 def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
@@ -20,10 +20,16 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
     ax.plot(history.time, history.slosh[:, tank], color=GREY, linewidth=0.5, label="simulated")
     ax.plot(growth.time, growth.amplitude, color=ALARM, linewidth=2.2, label="predicted amplitude")
     ax.plot(growth.time, -growth.amplitude, color=ALARM, linewidth=2.2)
-    ax.set_xlim(growth.time[0], growth.time[-1])
-    most = 1.3 * growth.amplitude[growth.greatest]
+    if growth.carries:
+        label = "least, by where in the swing the event falls"
+        ax.plot(growth.time, growth.least, color=ALARM, linewidth=1.0, linestyle=(0, (4.0, 2.0)), label=label)
+        ax.plot(growth.time, -growth.least, color=ALARM, linewidth=1.0, linestyle=(0, (4.0, 2.0)))
+    for carry in growth.carries:
+        mark_line(ax, carry.event.end, carry.event.after, vertical=True)
+    ax.set_xlim(float(growth.time[0]), float(growth.time[-1]))
+    most = 1.45 * float(growth.amplitude[growth.greatest])
     ax.set_ylim(-most, most)
-    legend(ax, 2, "upper left")
+    legend(ax, 2 + bool(growth.carries), "upper left")
     k = growth.greatest
     course = (
         f"grows from {growth.amplitude[0]:.3g} to {growth.amplitude[k]:.3g} m at {growth.time[k]:.0f} s"
