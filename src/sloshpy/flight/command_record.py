@@ -4,6 +4,7 @@ What reaches the actuator at t left the autopilot at t - tau(t), which never run
 """
 
 import bisect
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -66,10 +67,11 @@ class _Stretch:
 
 
 class CommandRecord:
-    """Commands in rad and their slopes at the times of one stretch after another; nothing before the first."""
+    """Commands in rad and their slopes at the times of one stretch after another."""
 
-    def __init__(self) -> None:
-        """Make an empty record."""
+    def __init__(self, past: Callable[[float], float] | None = None) -> None:
+        """Make an empty record; `past` tells the command before the first stretch, by default none."""
+        self._past = past
         self._stretches: list[_Stretch] = []
 
     def begin(self) -> None:
@@ -87,7 +89,7 @@ class CommandRecord:
         """Return the command at a time before the present stretch, s."""
         older = self._stretches[:-1]
         k = bisect.bisect_right([one.time[0] for one in older], time) - 1
-        return older[k].at(time) if k >= 0 else 0.0
+        return older[k].at(time) if k >= 0 else 0.0 if self._past is None else self._past(time)
 
     def within(self, time: float) -> float:
         """Return the command at a time of the present stretch, s."""

@@ -13,25 +13,31 @@ first order in the rates of change, l the left vector,
 For one undamped oscillator that is -(1/2) d ln(m w)/dt, so that m w a^2, its energy over its frequency, is kept. The
 momentum term is that of the wave: with kappa(h) of the falling depth, the surface's (eta'/kappa)' + g eta = 0 becomes
 (m z')' + m w^2 z = 0 in the slosh mass's displacement z, since m goes as kappa in a cylinder and eta as m z.
+
+A delay tau(t) is a chain of states at the pace 1/tau, through which a signal takes not tau but tau - tau' tau / 2: what
+went in later goes faster or slower. What comes out of the line is u(t - tau(t)), so that alpha gains (tau tau' / 2)
+d sigma / d tau.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.autopilot.blocks import LEAST_DELAY
 from sloshpy.dynamics import Loop, open_loop
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.flight.trajectory import Phase
 from sloshpy.limit_cycle.branch import Follower, Mode
 from sloshpy.limit_cycle.growth import follow
-from sloshpy.units import Array, ComplexArray
+from sloshpy.units import Array, ComplexArray, IntArray
 
 if TYPE_CHECKING:
     import xarray as xr
 
 MOST_MIXING = 0.1  # more, and the error is that of a mode taken for two
+DELAY_STEP = 1e-3  # of the delay, over which the state matrix is derived by it
 LONGEST = 2.0  # s, of a step of the amplitude: sigma and alpha change over tens of seconds
 
 
@@ -193,6 +199,7 @@ class _Course:
         self.near: dict[int, Mode] = {}
         self._adiabatic: dict[int, tuple[float, float]] = {}
         self._loops: dict[int, Loop] = {}
+        self._batch = open_loop(phase.case, phase.small_damping)
 
     def begin(self, k: int, amplitude: float) -> None:
         """Find the mode at one time, from small amplitude on."""
@@ -245,22 +252,39 @@ class _Course:
 
     def _alpha(self, k: int, mode: Mode) -> tuple[float, float]:
         """Return alpha, 1/s, and mixing at one of the times: differences to its neighbours, the damping held."""
-        low, high = max(k - 1, 0), min(k + 1, len(self.phase.time) - 1)
-        span = float(self.phase.time[high] - self.phase.time[low])
-        before, here, after = (system_matrix(open_loop(self.phase.cases[i], mode.damping))[0] for i in (low, k, high))
-        rate = (after - before) / span
+        t, pilot = self.phase.time, self._batch.autopilot
+        low, high = max(k - 1, 0), min(k + 1, len(t) - 1)
+        span = float(t[high] - t[low])
+        tau = np.broadcast_to(np.asarray(pilot.delay, dtype=float), t.shape)
+        # the delay held, that all three have the same states and that 1/tau is no difference of far values
+        at, held = np.array([low, k, high]), np.full(3, float(tau[k]))
+        before, here, after = self._matrix(mode, at, held)
+        rate, by_delay, faster = (after - before) / span, np.zeros_like(here), float(tau[high] - tau[low]) / span
+        if faster:
+            own = max(float(tau[k]), LEAST_DELAY)
+            less, _, more = self._matrix(mode, np.full(3, k), own * (1.0 + DELAY_STEP * np.array([-1.0, 0.0, 1.0])))
+            by_delay = (more - less) / (2.0 * DELAY_STEP * own)
         logs = [np.log(self._loop(i).plant.tank_mass) for i in (low, high)]
-        return adiabatic_rate(self._loop(k), here, rate, (logs[1] - logs[0]) / span, mode.pole, self.tank)
+        mass_rate = (logs[1] - logs[0]) / span
+        whole = rate + by_delay * faster
+        alpha, mixing, by_tau = adiabatic_rate(self._loop(k), here, whole, mass_rate, mode.pole, self.tank, by_delay)
+        return alpha + 0.5 * float(tau[k]) * faster * by_tau, mixing
+
+    def _matrix(self, mode: Mode, at: IntArray, delay: Array) -> Array:
+        """Return the state matrices at some times, (len(at), N, N), with other delays in s."""
+        loop = self._batch.take(at)
+        pilot = loop.autopilot.model_copy(update={"delay": delay})
+        return system_matrix(replace(loop, autopilot=pilot, damping=np.tile(mode.damping, (len(at), 1))))[0]
 
 
 def adiabatic_rate(
-    loop: Loop, A: Array, rate: Array, mass_rate: Array, pole: complex, tank: int
-) -> tuple[float, float]:
-    """Return alpha of the mode nearest a pole, 1/s, and how much of another mode the change brings in.
+    loop: Loop, A: Array, rate: Array, mass_rate: Array, pole: complex, tank: int, by: Array
+) -> tuple[float, float, float]:
+    """Return alpha of the mode nearest a pole, 1/s, how much of another mode the change brings in, and d sigma / dp.
 
     Args:
         loop: one loop. A: its state matrix. rate: dA/dt. mass_rate: (n_tanks,), d ln m_j / dt, 1/s.
-        pole: rad/s. tank: number of the tank whose slosh the amplitude is.
+        pole: rad/s. tank: number of the tank whose slosh the amplitude is. by: dA/dp.
     """
     value, right = np.linalg.eig(A)
     left = np.linalg.inv(right)
@@ -275,7 +299,7 @@ def adiabatic_rate(
             mixing = max(mixing, float(abs(part[own[tank]] / (value[n] - value[k]) / r[own[tank]])))
     along = -turned[own[tank]] / r[own[tank]]  # the slosh of the mode's own tank stays 1
     momentum = -np.sum(mass_rate * l[velocity] * r[velocity])
-    return float((-along + momentum).real), mixing
+    return float((-along + momentum).real), mixing, float((l @ by @ r).real)
 
 
 def slosh_rows(loop: Loop) -> tuple[Array, Array]:

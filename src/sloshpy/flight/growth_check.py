@@ -8,7 +8,7 @@ from sloshpy.errors import OutsideValidity
 from sloshpy.flight.flight_history import FlightHistory
 from sloshpy.flight.growth_across import CarriedGrowth
 from sloshpy.flight.growth_along import FlightGrowth
-from sloshpy.flight.mode_state import mode_state
+from sloshpy.flight.mode_state import mode_command, mode_state
 from sloshpy.flight.simulate_flight import simulate_flight
 from sloshpy.units import Array
 
@@ -59,7 +59,8 @@ def check_growth(growth: FlightGrowth | CarriedGrowth, step: float | None = None
         growth = CarriedGrowth(parts=(growth,), lower=(growth,), carries=(), ended="")
     first, last = growth.parts[0], growth.parts[-1]
     phases = [part.phase for part in growth.parts]
-    history = simulate_flight(phases, mode_state(first, angle), float(first.time[0]), float(last.time[-1]), step)
+    ends = float(first.time[0]), float(last.time[-1])
+    history = simulate_flight(phases, mode_state(first, angle), *ends, step, mode_command(first, angle))
     time, simulated = history.peaks(first.phase.tanks.index(growth.tank))
     least, predicted = growth.at(time)
     kept = np.isfinite(predicted)

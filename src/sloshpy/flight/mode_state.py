@@ -1,5 +1,6 @@
 """A closed-loop mode as a state of the loop: just before an event, just after it, and as a start of a simulation."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,11 +48,7 @@ def carried_state(before: ModeVectors, after: Loop) -> ComplexArray:
     """
     loop, s = before.loop, before.pole
     plant, heard = _split(before)
-    own = series_blocks(loop.autopilot, _parts(loop))
-    signal = complex(loop.autopilot.gain) * heard
-    command = signal
-    for block in own:
-        command = _answer(block, s, command)[1] if block.kind == "filter" else command
+    signal, command = complex(loop.autopilot.gain) * heard, _commanded(before)
     states = [plant]
     for block in series_blocks(after.autopilot, _parts(after)):
         if block.kind == "filter":
@@ -85,6 +82,23 @@ def mode_state(growth: FlightGrowth, angle: float = 0.0) -> Array:
     elif actuator is not None:
         parts.append(r[[i for i in tail if groups[i] == "actuator"]])
     return np.asarray(np.concatenate(parts).real)
+
+
+def mode_command(growth: FlightGrowth, angle: float = 0.0) -> Callable[[float], float]:
+    """Return the engine command in rad over time in s of the mode that `mode_state` swings in, up to its start."""
+    phase, t0 = growth.phase, float(growth.time[0])
+    case = phase.cases[phase.place(t0)[0]]
+    vectors = mode_vectors(case, growth.start, phase.tanks.index(growth.tank))
+    size = _commanded(vectors) * float(growth.amplitude[0]) * np.exp(1j * angle)
+    return lambda time: float((size * np.exp(vectors.pole * (time - t0))).real)
+
+
+def _commanded(mode: ModeVectors) -> complex:
+    """Return the engine command before the delay, rad per metre of slosh."""
+    command = complex(mode.loop.autopilot.gain) * _split(mode)[1]
+    for block in series_blocks(mode.loop.autopilot, _parts(mode.loop)):
+        command = _answer(block, mode.pole, command)[1] if block.kind == "filter" else command
+    return command
 
 
 def _split(mode: ModeVectors) -> tuple[ComplexArray, complex]:

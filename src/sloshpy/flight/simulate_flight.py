@@ -14,7 +14,7 @@ filter that stays goes on too; others begin as if they had heard the same signal
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -37,6 +37,7 @@ def simulate_flight(
     start: float | None = None,
     end: float | None = None,
     step: float | None = None,
+    past: Callable[[float], float] | None = None,
 ) -> FlightHistory:
     """Simulate the loop along phases, nonlinear damping, actuator limits and a true delay line included.
 
@@ -45,6 +46,7 @@ def simulate_flight(
         initial: the state at the start, as of `mode_state`, or (n_tanks,), slosh displacements in m.
         start, end: s, within the first and the last phase; default: where these begin and end.
         step: s, at most; default: 0.6 of the fastest pole's radian and a tenth of the fastest slosh radian.
+        past: the engine command in rad at times before the start, which is in the delay line then; default: none was.
 
     Raises:
         OutsideValidity: a sampler, a delay that overtakes time, a time outside the phases, an event across which
@@ -60,7 +62,7 @@ def simulate_flight(
     for one, two in itertools.pairwise(own):
         carried_or_refused(one, two)
     equations = [Equations.of(phase) for phase in own]
-    record, x = CommandRecord(), _begun(own[0], initial)
+    record, x = CommandRecord(past), _begun(own[0], initial)
     parts: list[Part] = []
     for k, (phase, motion) in enumerate(zip(own, equations, strict=True)):
         if k:

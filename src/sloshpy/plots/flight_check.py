@@ -21,15 +21,15 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
     ax.plot(growth.time, growth.amplitude, color=ALARM, linewidth=2.2, label="predicted amplitude")
     ax.plot(growth.time, -growth.amplitude, color=ALARM, linewidth=2.2)
     if growth.carries:
-        label = "least, by where in the swing the event falls"
+        label = "least that the event can leave"
         ax.plot(growth.time, growth.least, color=ALARM, linewidth=1.0, linestyle=(0, (4.0, 2.0)), label=label)
         ax.plot(growth.time, -growth.least, color=ALARM, linewidth=1.0, linestyle=(0, (4.0, 2.0)))
     for carry in growth.carries:
-        mark_line(ax, carry.event.end, carry.event.after, vertical=True)
+        mark_line(ax, carry.event.end, carry.event.after, vertical=True, at=0.3)
     ax.set_xlim(float(growth.time[0]), float(growth.time[-1]))
     most = 1.45 * float(growth.amplitude[growth.greatest])
     ax.set_ylim(-most, most)
-    legend(ax, 2 + bool(growth.carries), "upper left")
+    legend(ax, 2, "upper right")
     k = growth.greatest
     course = (
         f"grows from {growth.amplitude[0]:.3g} to {growth.amplitude[k]:.3g} m at {growth.time[k]:.0f} s"
