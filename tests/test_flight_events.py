@@ -114,7 +114,7 @@ def test_a_changing_delay_is_that_of_its_equations_marched_in_small_steps(upper_
 
 @pytest.mark.parametrize(("first", "last"), [(0.05, 0.6), (0.6, 0.05)])
 def test_growth_with_a_changing_delay_agrees_with_its_simulation(upper_stage, first, last):
-    """What the moving delay itself does is 5 % here; without the pace of the line in it 0.7 and 1 % would be missing."""
+    """What the moving delay does is 5 % here; without the pace of the line in it 0.7 and 1 % would be missing."""
     time = np.linspace(0.0, 40.0, 41)
     delay = first + (last - first) * time / 40.0
     phase = Phase(name="late", time=time, case=throttled(upper_stage, 1.0, delay=delay))

@@ -256,14 +256,13 @@ class _Course:
         low, high = max(k - 1, 0), min(k + 1, len(t) - 1)
         span = float(t[high] - t[low])
         tau = np.broadcast_to(np.asarray(pilot.delay, dtype=float), t.shape)
-        # the delay held, that all three have the same states and that 1/tau is no difference of far values
-        at, held = np.array([low, k, high]), np.full(3, float(tau[k]))
-        before, here, after = self._matrix(mode, at, held)
-        rate, by_delay, faster = (after - before) / span, np.zeros_like(here), float(tau[high] - tau[low]) / span
-        if faster:
-            own = max(float(tau[k]), LEAST_DELAY)
-            less, _, more = self._matrix(mode, np.full(3, k), own * (1.0 + DELAY_STEP * np.array([-1.0, 0.0, 1.0])))
-            by_delay = (more - less) / (2.0 * DELAY_STEP * own)
+        faster = float(tau[high] - tau[low]) / span
+        own = max(float(tau[k]), LEAST_DELAY) if faster else float(tau[k])
+        # the delay held, that 1/tau is no difference of far values; one batch, that all have the same states
+        nudge = DELAY_STEP * own
+        delay = np.array([own, own, own, own - nudge, own + nudge])
+        before, here, after, less, more = self._matrix(mode, np.array([low, k, high, k, k]), delay)
+        rate, by_delay = (after - before) / span, (more - less) / (2.0 * nudge) if faster else np.zeros_like(here)
         logs = [np.log(self._loop(i).plant.tank_mass) for i in (low, high)]
         mass_rate = (logs[1] - logs[0]) / span
         whole = rate + by_delay * faster
