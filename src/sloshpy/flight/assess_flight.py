@@ -66,12 +66,13 @@ class FlightAssessment:
             for w in self.worst
             if w.why and w.met is None
         ]
+        cautions = [f"caution: {w.criterion}, {w.shown} at {w.time:g} s: {w.caution}" for w in self.worst if w.caution]
         if failed or open_:
-            return (*failed, *open_)
+            return (*failed, *open_, *cautions)
         if self.verdict == "linear":
-            return ("limit cycles decide on slosh and were not asked for; every other criterion is met",)
+            return ("limit cycles decide on slosh and were not asked for; every other criterion is met", *cautions)
         asked = "every time" if self.cycles == 1 else f"{self._asked} of {self.trajectory.count} times"
-        return (f"every criterion is met, limit cycles sought at {asked}",)
+        return (f"every criterion is met, limit cycles sought at {asked}", *cautions)
 
     def to_json(self) -> str:
         """Return the review as one JSON object in SI units; null where there is no number."""

@@ -38,6 +38,7 @@ def _worst(one: Worst) -> dict[str, Any]:
         "time": one.time,
         "phase": one.phase,
         "why": one.why or None,
+        "caution": one.caution or None,
     }
 
 

@@ -9,6 +9,8 @@ from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.flight.phase_review import PhaseReview
 from sloshpy.units import Array
 
+SHALLOW = "more than 15 % of the tank radius, where a spring-mass describes slosh less and less"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Worst:
@@ -17,6 +19,7 @@ class Worst:
     criterion: in words. value: in SI, nan where no number is supported. unit: its unit. shown: value in words.
     bound: in the same unit, nan for none. limit: bound in words, "" for none. met: None where the criterion decides
     nothing by itself. time: s. phase: its name. why: what the review says there, "" where it has no more to say.
+    caution: what the value puts in doubt, "" for nothing.
     """
 
     criterion: str
@@ -29,9 +32,10 @@ class Worst:
     time: float
     phase: str
     why: str = ""
+    caution: str = ""
 
     def __str__(self) -> str:
-        mark = "FAILS" if self.met is False else ""
+        mark = "FAILS" if self.met is False else f"caution: {self.caution}" if self.caution else ""
         place = f"{self.time:8.2f}  {self.phase}" + (f", first: {self.why}" if self.why else "")
         return f"{self.criterion:42s} {self.shown:>22s}  {self.limit:>14s}  {place}  {mark}".rstrip()
 
@@ -259,6 +263,7 @@ def _cycle(tank: str, with_it: Sequence[tuple[PhaseReview, int]]) -> list[Worst]
                 met=None if what == "slosh" or np.isnan(value) else bool(value <= limit),
                 time=float(r.time[k]),
                 phase=r.phase.name,
+                caution=SHALLOW if what == "slosh" and value > limit else "",
             )
         )
     return found

@@ -3,8 +3,8 @@
 from matplotlib.axes import Axes
 
 from sloshpy.flight import GrowthCheck
-from sloshpy.plots.flight_axes import TIME, legend
-from sloshpy.plots.style import ALARM, GREY, axes_or_new, finish, mark_line
+from sloshpy.plots.flight_axes import TIME
+from sloshpy.plots.style import ALARM, GREY, SMALL, axes_or_new, finish, mark_line
 
 
 def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
@@ -29,7 +29,7 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
     ax.set_xlim(float(growth.time[0]), float(growth.time[-1]))
     most = 1.45 * float(growth.amplitude[growth.greatest])
     ax.set_ylim(-most, most)
-    legend(ax, 2, "upper right")
+    ax.legend(loc="upper center", ncols=3, fontsize=SMALL, framealpha=0.9, edgecolor="none")
     k = growth.greatest
     course = (
         f"grows from {growth.amplitude[0]:.3g} to {growth.amplitude[k]:.3g} m at {growth.time[k]:.0f} s"

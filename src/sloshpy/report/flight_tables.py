@@ -15,7 +15,14 @@ def worst_table(result: FlightAssessment) -> Table:
     """Return the worst of each criterion with its time, the failed ones first."""
     met = {True: "met", False: "FAILS", None: NONE}
     rows = [
-        (w.criterion, w.shown, w.limit or NONE, f"{w.time:g} s", w.phase + (f": {w.why}" if w.why else ""), met[w.met])
+        (
+            w.criterion,
+            w.shown,
+            w.limit or NONE,
+            f"{w.time:g} s",
+            w.phase + (f": {w.why}" if w.why else ""),
+            "caution" if w.caution else met[w.met],
+        )
         for w in result.worst
     ]
     return Table(
