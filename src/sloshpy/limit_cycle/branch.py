@@ -117,13 +117,14 @@ class Follower:
 
     def _pack(self, mode: Mode) -> Array:
         """Return ln a, the other tanks' relative amplitudes, and sigma and W over the tank's frequency."""
-        others = np.delete(mode.shape, self.tank)
+        others = np.concatenate([mode.shape[: self.tank], mode.shape[self.tank + 1 :]])
         s = mode.pole / self._own_frequency
         return np.concatenate([[np.log(mode.amplitude)], others.real, others.imag, [s.real, s.imag]])
 
     def _read(self, y: Array) -> tuple[float, ComplexArray, complex]:
         n = len(self.laws)
-        shape = np.insert(y[1:n] + 1j * y[n : 2 * n - 1], self.tank, 1.0)
+        others, j = y[1:n] + 1j * y[n : 2 * n - 1], self.tank
+        shape = np.concatenate([others[:j], [1.0], others[j:]])
         return float(np.exp(y[0])), shape, complex(y[-2], y[-1]) * self._own_frequency
 
     def _unpack(self, y: Array) -> Mode:
@@ -139,9 +140,8 @@ class Follower:
         p, n, W = self.loop.plant, len(self.laws), abs(s.imag)
         size = np.abs(r)
         A = W * a * size / p.tank_frequency
-        xi = ratios(self.laws, A)
         h = RELATIVE * A
-        above, below = ratios(self.laws, A + h), ratios(self.laws, A - h)
+        xi, above, below = ratios(self.laws, np.stack([A, A + h, A - h]))
         upper, lower = np.where(np.isnan(above), xi, above), np.where(np.isnan(below), xi, below)
         width = h * (2.0 - np.isnan(above) - np.isnan(below))  # at an end of the data the quotient is one-sided
         slope = np.where(width > 0.0, (upper - lower) / np.where(width > 0.0, width, 1.0), 0.0)  # df/dA
@@ -218,6 +218,6 @@ def engine_per_slosh(loop: Loop, s: complex) -> ComplexArray:
 def _slosh_last(loop: Loop, s: complex) -> tuple[ComplexArray, ComplexArray, int]:
     """Return T(s) and dT/ds without slosh damping, the slosh coordinates behind the others, and how many others."""
     T, dT = characteristic_matrix(replace(loop, damping=np.zeros_like(loop.damping)), np.array(s))
-    slosh = np.arange(len(T) - 1)[loop.plant.slosh]
-    order = np.append(np.delete(np.arange(len(T)), slosh), slosh)
-    return T[order][:, order], dT[order][:, order], len(T) - len(slosh)
+    own = list(range(len(T) - 1))[loop.plant.slosh]
+    order = np.array([*(k for k in range(len(T)) if k not in own), *own])
+    return T[order][:, order], dT[order][:, order], len(T) - len(own)
