@@ -24,6 +24,7 @@ SETTLED = 1e-9
 LEAST = 1e-9  # of kappa: a loop that a dead band opens keeps a trace of gain, so that its command can be read
 GAP = 4  # amplitudes in turn without a mode after which the branch is over: each costs many trials
 POINTS = 140  # amplitudes followed, evenly in their logarithm
+SCANNED = 1e-7  # of kappa along the branch: it shows changes of sign, and each zero is solved anew
 
 
 def actuator_factor(actuator: Actuator, amplitude: float, omega: float) -> tuple[complex, float]:
@@ -78,7 +79,7 @@ def limited_modes(case: Case, tank: int, amplitude: Array) -> list[LimitedMode |
     kappa = complex(start)
     lost = 0
     for a in amplitude:
-        one = None if lost == GAP else limited_mode(case, loop, tank, float(a), near, kappa)
+        one = None if lost == GAP else limited_mode(case, loop, tank, float(a), near, kappa, SCANNED)
         found.append(one)
         lost = min(lost + 1, GAP)
         if one is not None:
@@ -86,8 +87,13 @@ def limited_modes(case: Case, tank: int, amplitude: Array) -> list[LimitedMode |
     return found
 
 
-def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa: complex) -> LimitedMode | None:
-    """Return a mode at one amplitude in m with command and engine factor in agreement; None where none is found."""
+def limited_mode(
+    case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa: complex, tolerance: float = 1e-11
+) -> LimitedMode | None:
+    """Return a mode at one amplitude in m with command and engine factor in agreement; None where none is found.
+
+    near, kappa: mode and factor at an amplitude beside it. tolerance: of the factor.
+    """
     from scipy.optimize import root  # 0.3 s: only where an actuator has limits
 
     laws = [t.damping for t in case.vehicle.tanks]
@@ -131,7 +137,7 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
     for begin in (kappa, complex(1.0), complex(0.5), complex(LEAST)):
         solution = np.array([begin.real, begin.imag])
         if np.max(np.abs(lacking(solution))) >= 1e-12:
-            result = root(lacking, solution, tol=1e-11)
+            result = root(lacking, solution, tol=tolerance)
             if np.max(np.abs(lacking(result.x))) > 1e-6:
                 continue
             solution = result.x
