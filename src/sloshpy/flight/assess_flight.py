@@ -8,7 +8,7 @@ import numpy as np
 
 from sloshpy.flight.phase_review import PhaseReview, phase_steps, reviewed
 from sloshpy.flight.trajectory import Trajectory
-from sloshpy.flight.windows import GrowthWindow
+from sloshpy.flight.windows import GrowthChain, GrowthWindow, growth_chains
 from sloshpy.flight.workers import answered
 from sloshpy.flight.worst import Worst, worst_of
 
@@ -50,10 +50,16 @@ class FlightAssessment:
         lines += [f"  {one}" for one in self.worst]
         lines += [f"  - {window}" for window in self.windows[:4]]
         lines += [f"  ({len(self.windows) - 4} further windows of growth)"] if len(self.windows) > 4 else []
+        lines += [f"  - {chain}" for chain in self.chains]
         lines += [f"  - {v}" for v in self.exchanges]
         lines += [f"  - {event}" for event in t.crossings]
         lines += [f"  - {phase.name}: {note}" for phase in t for note in phase.notes]
         return "\n".join(lines)
+
+    @property
+    def chains(self) -> tuple[GrowthChain, ...]:
+        """Windows that go on across the events which an oscillation passes."""
+        return growth_chains(self.windows, [event.end for event in self.trajectory.crossings if event.carries])
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ def window_table(result: FlightAssessment) -> Table:
         title="Growth at small amplitude",
         head=("Mode", "Window, its begin the worst start", "Factor", "Doubles fastest in", "Phase"),
         rows=rows,
-        note="" if rows else "No mode grows at small amplitude at any time assessed.",
+        note=". ".join(map(str, result.chains)) if rows else "No mode grows at small amplitude at any time assessed.",
     )
 
 
