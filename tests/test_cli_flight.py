@@ -1,5 +1,6 @@
 """The flight command: a shipped flight written beside the user and assessed; faults with exit status 2."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -84,4 +85,17 @@ def test_the_requirement_and_the_figures_are_written(ascent, capsys):
     shortened(ascent)
     assert run("flight", str(ascent), "--linear", "--requirement", "need.csv", "--figures", "figures") == 1
     assert Path("need-upper_LOX.csv").read_text().startswith("# damping required of upper LOX")
-    assert len(list(Path("figures").iterdir())) == 5  # no limit cycles
+    assert len(list(Path("figures").iterdir())) == 6  # no limit cycles
+
+
+def test_the_report_and_the_json_of_a_flight_are_written(ascent, capsys):
+    shortened(ascent)
+    assert run("flight", str(ascent), "--linear", "--json", "--report", "flight.html") == 1
+    said = capsys.readouterr()
+    told = json.loads(said.out)  # one object, nothing beside it
+    assert told["verdict"] == "linear"
+    assert told["phases"][0]["times"][0]["tanks"][0]["name"] == "upper LOX"
+    assert "report: flight.html" in said.err
+    assert "<svg" in Path("flight.html").read_text(encoding="utf-8")
+    assert run("flight", str(ascent), "--report", "flight.txt") == 2
+    assert run("flight", str(ascent), "--workers", "0") == 2

@@ -144,3 +144,15 @@ def test_a_window_integrates_the_growth_of_its_own_mode(upper_stage):
     assert window.exponent == pytest.approx(
         np.trapezoid(np.maximum(np.interp(fine, time, growth), 0.0), fine), rel=1e-6
     )
+
+
+def test_windows_that_meet_at_an_event_are_one_where_the_oscillation_goes_on(upper_stage):
+    """The paper's stage grows at 0.05113 1/s on both sides; a stage that leaves ends it."""
+    one = Phase(name="one", time=np.array([0.0, 10.0]), case=upper_stage)
+    two = Phase(name="two", time=np.array([10.0, 30.0]), case=upper_stage)
+    found = assess_flight(Trajectory(name="x", phases=(one, two)), cycles=0)
+    assert found.chains[0].exponent == pytest.approx(30.0 * 0.05113, rel=1e-3)
+    assert f"by a factor of {np.exp(found.chains[0].exponent):.4g} in all" in str(found)
+    lighter = upper_stage.model_copy(update={"vehicle": upper_stage.vehicle.model_copy(update={"mass": 12e3})})
+    other = Phase(name="two", time=np.array([10.0, 30.0]), case=lighter)
+    assert assess_flight(Trajectory(name="x", phases=(one, other)), cycles=0).chains == ()

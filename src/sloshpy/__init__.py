@@ -19,7 +19,7 @@ The public names, in reading order; each is loaded when it is first used.
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures,
-                 growth_along, simulate_flight, check_growth; Phase, Trajectory
+                 write_flight_report, growth_along, growth_across, simulate_flight, check_growth; Phase, Trajectory
     dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, write_campaign
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
@@ -132,6 +132,7 @@ _ROOMS = {
         "assess_flight",
         "FlightAssessment",
         "damping_requirement",
+        "growth_across",
         "growth_along",
         "simulate_flight",
         "check_growth",
@@ -163,7 +164,7 @@ _ROOMS = {
         "plot_tvc_gain",
         "save_figure",
     ),
-    "report": ("write_report", "write_figures", "write_flight_figures"),
+    "report": ("write_report", "write_figures", "write_flight_figures", "write_flight_report"),
     "errors": ("InputError", "OutsideValidity"),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sloshpy.files import read_case, write_example
-from sloshpy.flight import Phase, Trajectory, assess_flight
+from sloshpy.flight import Phase, Trajectory, assess_flight, check_growth, growth_across
 from sloshpy.plots import (
     plot_flight_cycles,
     plot_flight_damping,
@@ -12,6 +12,7 @@ from sloshpy.plots import (
     plot_flight_frequencies,
     plot_flight_growth,
     plot_flight_margins,
+    plot_growth_check,
 )
 from sloshpy.report import write_flight_figures
 
@@ -83,5 +84,23 @@ def test_margins_leave_unstable_times_out_and_frequencies_name_control(flown):
 
 def test_all_figures_are_written(flown, tmp_path):
     written = write_flight_figures(flown, tmp_path / "figures", "svg")
-    assert len(written) == 6
+    assert len(written) == 7  # with the growth against its simulation
     assert all(path.stat().st_size > 5000 for path in written)
+
+
+def test_growth_across_an_event_shows_both_amplitudes_that_it_can_leave(tmp_path):
+    case = read_case(write_example("upper_stage", tmp_path))
+    stronger = case.model_copy(update={"autopilot": case.autopilot.model_copy(update={"rate_gain": 0.3})})
+    phases = (
+        Phase(name="one", time=np.array([0.0, 20.0]), case=case),
+        Phase(name="two", time=np.array([20.0, 40.0]), case=stronger),
+    )
+    check = check_growth(growth_across(Trajectory(name="x", phases=phases), 0, 0.05), step=0.03)
+    ax = plot_growth_check(check)
+    for amplitude in (check.growth.amplitude, check.growth.least):
+        assert drawn(ax, check.growth.time, amplitude)
+        assert drawn(ax, check.growth.time, -amplitude)
+    assert drawn(ax, check.history.time, check.history.slosh[:, 0])
+    said = ax.get_title(loc="left").replace("\n", " ")
+    assert f"grows from 0.05 to {np.max(check.growth.amplitude):.3g} m" in said
+    assert "two" in [text.get_text() for text in ax.texts]

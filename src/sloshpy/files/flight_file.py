@@ -5,6 +5,7 @@ name = "..."
 [[phase]]                     in order of time: name, case, start, end, step or times, tables
 """
 
+import hashlib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
@@ -22,7 +23,7 @@ from sloshpy.files.tank_file import read_tank
 from sloshpy.files.text_file import beside, read_text
 from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
 from sloshpy.files.wording import nearest, step_into, value_at
-from sloshpy.flight import Phase, Trajectory
+from sloshpy.flight import FileUsed, Phase, Trajectory
 from sloshpy.flight.scheduled import NotScheduled, scheduled
 from sloshpy.tank import Tank
 from sloshpy.units import Array, UnitError, parse
@@ -51,7 +52,15 @@ def read_flight(path: str | os.PathLike[str]) -> Trajectory:
     phases = reader.phases()
     if reader.found or not phases:
         raise InputError(*in_file_order(once(reader.found), file, places))
-    return Trajectory(name=reader.text(("name",), reader.document), phases=phases)
+    used = {FilePath(file).name: "flight file", **reader.used}
+    return Trajectory(
+        name=reader.text(("name",), reader.document),
+        phases=phases,
+        files=tuple(
+            FileUsed(file=name, what=what, sha256=hashlib.sha256((reader.folder / name).read_bytes()).hexdigest())
+            for name, what in used.items()
+        ),
+    )
 
 
 @dataclass
@@ -62,6 +71,7 @@ class _Reader:
     places: Places
     folder: FilePath
     found: Found = field(default_factory=list)
+    used: dict[str, str] = field(default_factory=dict)  # file that was named -> what it is
 
     def refuse(self, path: Path, rule: str, cure: str) -> None:
         self.found.append(
@@ -99,7 +109,8 @@ class _Reader:
         for k, (one, case) in enumerate(zip(declared, cases, strict=True)):
             assert one is not None
             assert case is not None
-            phase, faults = build_phase(one, case, [tables[name] for name in one.tables])
+            named = str(self._list("phase")[k]["case"])
+            phase, faults = build_phase(one, named, case, [tables[name] for name in one.tables])
             self.found += [(("phase", k), problem) for problem in faults]
             phases += [phase] if phase is not None else []
         return tuple(phases)
@@ -169,7 +180,7 @@ class _Reader:
         one = self._list("phase")[k]
         if declared is None or not isinstance(one, dict):
             return None
-        file = self._beside(path, one.get("case"), 'write case = "stage_1.toml"')
+        file = self._beside("case", path, one.get("case"), 'write case = "stage_1.toml"')
         if file is None:
             return None
         try:
@@ -223,7 +234,7 @@ class _Reader:
         for key in columns:
             if sum(n == _name_of(columns[key]) for n in names) > 1:
                 self.refuse((*path, "columns", key), "reads a column that another quantity reads", "give each its own")
-        file = self._beside((*path, "file"), one.get("file"), 'write file = "ascent.csv"')
+        file = self._beside("table", (*path, "file"), one.get("file"), 'write file = "ascent.csv"')
         if len(self.found) > before or file is None:
             return None
         try:
@@ -270,7 +281,8 @@ class _Reader:
             self.refuse(path, "must name a column by a text", how)
             return None
         if tank_file:
-            file = self._beside((*path, "tank_file"), value.get("tank_file"), 'write tank_file = "lox.toml"')
+            named = value.get("tank_file")
+            file = self._beside("tank", (*path, "tank_file"), named, 'write tank_file = "lox.toml"')
             tank = None if file is None else self._tank((*path, "tank_file"), file)
             if tank is None:
                 return None
@@ -296,12 +308,14 @@ class _Reader:
             else:
                 self.found.append((path, problem))
 
-    def _beside(self, path: Path, file: Any, how: str) -> FilePath | None:
+    def _beside(self, what: str, path: Path, file: Any, how: str) -> FilePath | None:
         if not isinstance(file, str):
             self.refuse(path, "is missing" if file is None else "must be a text", how)
             return None
         try:
-            return beside(file, self.folder)
+            found = beside(file, self.folder)
+            self.used.setdefault(file, what)
+            return found
         except ValueError as error:
             self.refuse(path, str(error).replace("case file", "flight file"), "put it beside the flight file or below")
             return None

@@ -40,7 +40,9 @@ class _Columns:
     problems: list[Problem] = field(default_factory=list)
 
 
-def build_phase(declared: Declared, case: Case, tables: Sequence[FlightTable]) -> tuple[Phase | None, list[Problem]]:
+def build_phase(
+    declared: Declared, case_file: str, case: Case, tables: Sequence[FlightTable]
+) -> tuple[Phase | None, list[Problem]]:
     """Return a phase, or what is wrong with its tables: each fault with the row that it is about."""
     columns = _gathered(declared, case, tables)
     if columns.problems:
@@ -84,6 +86,8 @@ def build_phase(declared: Declared, case: Case, tables: Sequence[FlightTable]) -
         laws=_rows(whole, laws, len(declared.time)),
         fill=fill,
         notes=tuple(notes),
+        schedules=tuple((key, f'table "{name}", {_course(tables, name)}') for key, name in columns.given.items()),
+        case_file=case_file,
     )
     fault = first_fault(phase.cases)
     if fault is not None:
@@ -175,6 +179,10 @@ def _rows(case: Case, laws: Sequence[tuple[AnyDamping, ...] | None], count: int)
     return tuple(
         tuple(law if some is None else some[k] for law, some in zip(own, laws, strict=True)) for k in range(count)
     )
+
+
+def _course(tables: Sequence[FlightTable], name: str) -> str:
+    return "monotone cubic between rows" if next(t for t in tables if t.name == name).pchip else "linear between rows"
 
 
 def _of_phase(declared: Declared, rule: str, cure: str) -> Problem:

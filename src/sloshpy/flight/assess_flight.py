@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sloshpy.flight.phase_review import PhaseReview, phase_steps, review_phase
+from sloshpy.flight.phase_review import PhaseReview, phase_steps, reviewed
 from sloshpy.flight.trajectory import Trajectory
-from sloshpy.flight.windows import GrowthWindow
+from sloshpy.flight.windows import GrowthChain, GrowthWindow, growth_chains
+from sloshpy.flight.workers import answered
 from sloshpy.flight.worst import Worst, worst_of
 
 if TYPE_CHECKING:
@@ -49,16 +50,48 @@ class FlightAssessment:
         lines += [f"  {one}" for one in self.worst]
         lines += [f"  - {window}" for window in self.windows[:4]]
         lines += [f"  ({len(self.windows) - 4} further windows of growth)"] if len(self.windows) > 4 else []
-        lines += [f"  - {v}" for v in self._exchanges]
+        lines += [f"  - {chain}" for chain in self.chains]
+        lines += [f"  - {v}" for v in self.exchanges]
+        lines += [f"  - {event}" for event in t.crossings]
         lines += [f"  - {phase.name}: {note}" for phase in t for note in phase.notes]
         return "\n".join(lines)
+
+    @property
+    def chains(self) -> tuple[GrowthChain, ...]:
+        """Windows that go on across the events which an oscillation passes."""
+        return growth_chains(self.windows, [event.end for event in self.trajectory.crossings if event.carries])
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What the verdict rests on: what fails, or what there is no number for, or that all is met."""
+        failed = [
+            f"{w.criterion}: {w.shown}{_limited(w)} at {w.time:g} s ({w.phase})" for w in self.worst if w.met is False
+        ]
+        open_ = [
+            f"{w.criterion}: {w.shown}, first at {w.time:g} s ({w.phase}): {w.why}"
+            for w in self.worst
+            if w.why and w.met is None
+        ]
+        cautions = [f"caution: {w.criterion}, {w.shown} at {w.time:g} s: {w.caution}" for w in self.worst if w.caution]
+        if failed or open_:
+            return (*failed, *open_, *cautions)
+        if self.verdict == "linear":
+            return ("limit cycles decide on slosh and were not asked for; every other criterion is met", *cautions)
+        asked = "every time" if self.cycles == 1 else f"{self._asked} of {self.trajectory.count} times"
+        return (f"every criterion is met, limit cycles sought at {asked}", *cautions)
+
+    def to_json(self) -> str:
+        """Return the review as one JSON object in SI units; null where there is no number."""
+        from sloshpy.flight.contract import flight_json  # stands on this module
+
+        return flight_json(self)
 
     @property
     def _asked(self) -> int:
         return sum(one is not None or bool(why) for r in self.reviews for one, why in _asked_of(r))
 
     @property
-    def _exchanges(self) -> list[str]:
+    def exchanges(self) -> list[str]:
         """Modes that trade tanks: the damping of a mode is then another tank's before than after."""
         return [
             f"{v.tanks[0]} and {v.tanks[1]} slosh exchange modes from {v.start:g} to {v.end:g} s ({r.phase.name})"
@@ -120,7 +153,9 @@ class FlightAssessment:
         )
 
 
-def assess_flight(trajectory: Trajectory, cycles: int = 1, progress: Progress | None = None) -> FlightAssessment:
+def assess_flight(
+    trajectory: Trajectory, cycles: int = 1, progress: Progress | None = None, workers: int = 0
+) -> FlightAssessment:
     """Assess a flight at every time of every phase; an event on both its sides.
 
     The loop is read at each tank's small amplitude; required damping holds the other tanks where all tanks together
@@ -131,19 +166,22 @@ def assess_flight(trajectory: Trajectory, cycles: int = 1, progress: Progress | 
         cycles: the whole review, limit cycles included, at every so many times and at both ends of each phase; 0 for
             none: then there is no verdict, but a linear criterion may fail.
         progress: hears of every step of the work.
+        workers: processes that share the times among them, with the same result bit for bit; 0: this process alone. A
+            script that asks for them guards its own work by `if __name__ == "__main__"`.
     """
-    total = sum(phase_steps(phase, cycles) for phase in trajectory)
-    done = 0
+    steps = [phase_steps(phase, cycles) for phase in trajectory]
+    total, done = sum(len(own) for own in steps), 0
 
     def told(what: str) -> None:
         nonlocal done
-        if progress is not None:
-            progress(done, total, what)
         done += 1
+        if progress is not None:
+            progress(done, total, what if done < total else "done")
 
-    reviews = tuple(review_phase(phase, cycles, told) for phase in trajectory)
     if progress is not None:
-        progress(total, total, "done")
+        progress(0, total, "margins")
+    answers = iter(answered([step for own in steps for step in own], workers, told))
+    reviews = tuple(reviewed(phase, [next(answers) for _ in own]) for phase, own in zip(trajectory, steps, strict=True))
     worst = worst_of(reviews)
     return FlightAssessment(
         trajectory=trajectory, verdict=_verdict(reviews, worst, cycles), cycles=cycles, worst=worst, reviews=reviews
@@ -159,6 +197,10 @@ def _verdict(reviews: tuple[PhaseReview, ...], worst: tuple[Worst, ...], cycles:
     if cycles == 0:
         return "linear"
     return "invalid" if "invalid" in verdicts or any(any(r.unsupported) for r in reviews) else "pass"
+
+
+def _limited(one: Worst) -> str:
+    return f", limit {one.limit}" if one.limit else ""
 
 
 def _asked_of(review: PhaseReview) -> list[tuple[Any, str]]:

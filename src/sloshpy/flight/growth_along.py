@@ -13,25 +13,31 @@ first order in the rates of change, l the left vector,
 For one undamped oscillator that is -(1/2) d ln(m w)/dt, so that m w a^2, its energy over its frequency, is kept. The
 momentum term is that of the wave: with kappa(h) of the falling depth, the surface's (eta'/kappa)' + g eta = 0 becomes
 (m z')' + m w^2 z = 0 in the slosh mass's displacement z, since m goes as kappa in a cylinder and eta as m z.
+
+A delay tau(t) is a chain of states at the pace 1/tau, through which a signal takes not tau but tau - tau' tau / 2: what
+went in later goes faster or slower. What comes out of the line is u(t - tau(t)), so that alpha gains (tau tau' / 2)
+d sigma / d tau.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.autopilot.blocks import LEAST_DELAY
 from sloshpy.dynamics import Loop, open_loop
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.flight.trajectory import Phase
 from sloshpy.limit_cycle.branch import Follower, Mode
 from sloshpy.limit_cycle.growth import follow
-from sloshpy.units import Array, ComplexArray
+from sloshpy.units import Array, ComplexArray, IntArray
 
 if TYPE_CHECKING:
     import xarray as xr
 
 MOST_MIXING = 0.1  # more, and the error is that of a mode taken for two
+DELAY_STEP = 1e-3  # of the delay, over which the state matrix is derived by it
 LONGEST = 2.0  # s, of a step of the amplitude: sigma and alpha change over tens of seconds
 
 
@@ -40,7 +46,8 @@ class FlightGrowth:
     """The amplitude of one slosh mode along a phase.
 
     time: (S,), s. amplitude: (S,), m of the mode's own tank. growth, adiabatic: (S,), 1/s, sigma and alpha.
-    slosh: (S, n_tanks), m, of all tanks. tvc: (S,), rad. pole: (S,), rad/s. start: the mode at the start.
+    slosh: (S, n_tanks), m, of all tanks. tvc: (S,), rad. pole: (S,), rad/s. start, finish: the mode at both ends,
+    at the phase's time before the start and after the end.
     mixing: (S,), share of another mode that the change brings into the slosh of the mode's own tank, to first order:
     |l_k . A' r| / |lambda - lambda_k|^2, in slosh. Where it is not small, no one mode describes the motion.
     """
@@ -56,6 +63,7 @@ class FlightGrowth:
     pole: ComplexArray
     mixing: Array
     start: Mode
+    finish: Mode
 
     @property
     def factor(self) -> float:
@@ -116,7 +124,7 @@ def growth_along(
     """Return the amplitude of a tank's slosh mode along a phase, from one amplitude on.
 
     sigma and alpha are taken at the times of the phase and linear between them; alpha at the damping of the mode when
-    it is first there. An event ends it: what it does to an oscillation is for a simulation.
+    it is first there. An event ends it: `growth_across` goes on behind those that leave vehicle and liquid alone.
 
     Args:
         phase: its times close enough that sigma is nearly linear between them.
@@ -162,6 +170,7 @@ def growth_along(
         pole=np.array([row.pole for row in rows]),
         mixing=np.array([row.mixing for row in rows]),
         start=course.near[k],
+        finish=course.near[phase.place(t1)[0] + 1],
     )
 
 
@@ -190,6 +199,7 @@ class _Course:
         self.near: dict[int, Mode] = {}
         self._adiabatic: dict[int, tuple[float, float]] = {}
         self._loops: dict[int, Loop] = {}
+        self._batch = open_loop(phase.case, phase.small_damping)
 
     def begin(self, k: int, amplitude: float) -> None:
         """Find the mode at one time, from small amplitude on."""
@@ -242,22 +252,38 @@ class _Course:
 
     def _alpha(self, k: int, mode: Mode) -> tuple[float, float]:
         """Return alpha, 1/s, and mixing at one of the times: differences to its neighbours, the damping held."""
-        low, high = max(k - 1, 0), min(k + 1, len(self.phase.time) - 1)
-        span = float(self.phase.time[high] - self.phase.time[low])
-        before, here, after = (system_matrix(open_loop(self.phase.cases[i], mode.damping))[0] for i in (low, k, high))
-        rate = (after - before) / span
+        t, pilot = self.phase.time, self._batch.autopilot
+        low, high = max(k - 1, 0), min(k + 1, len(t) - 1)
+        span = float(t[high] - t[low])
+        tau = np.broadcast_to(np.asarray(pilot.delay, dtype=float), t.shape)
+        faster = float(tau[high] - tau[low]) / span
+        own = max(float(tau[k]), LEAST_DELAY) if faster else float(tau[k])
+        # the delay held, that 1/tau is no difference of far values; one batch, that all have the same states
+        nudge = DELAY_STEP * own
+        delay = np.array([own, own, own, own - nudge, own + nudge])
+        before, here, after, less, more = self._matrix(mode, np.array([low, k, high, k, k]), delay)
+        rate, by_delay = (after - before) / span, (more - less) / (2.0 * nudge) if faster else np.zeros_like(here)
         logs = [np.log(self._loop(i).plant.tank_mass) for i in (low, high)]
-        return adiabatic_rate(self._loop(k), here, rate, (logs[1] - logs[0]) / span, mode.pole, self.tank)
+        mass_rate = (logs[1] - logs[0]) / span
+        whole = rate + by_delay * faster
+        alpha, mixing, by_tau = adiabatic_rate(self._loop(k), here, whole, mass_rate, mode.pole, self.tank, by_delay)
+        return alpha + 0.5 * float(tau[k]) * faster * by_tau, mixing
+
+    def _matrix(self, mode: Mode, at: IntArray, delay: Array) -> Array:
+        """Return the state matrices at some times, (len(at), N, N), with other delays in s."""
+        loop = self._batch.take(at)
+        pilot = loop.autopilot.model_copy(update={"delay": delay})
+        return system_matrix(replace(loop, autopilot=pilot, damping=np.tile(mode.damping, (len(at), 1))))[0]
 
 
 def adiabatic_rate(
-    loop: Loop, A: Array, rate: Array, mass_rate: Array, pole: complex, tank: int
-) -> tuple[float, float]:
-    """Return alpha of the mode nearest a pole, 1/s, and how much of another mode the change brings in.
+    loop: Loop, A: Array, rate: Array, mass_rate: Array, pole: complex, tank: int, by: Array
+) -> tuple[float, float, float]:
+    """Return alpha of the mode nearest a pole, 1/s, how much of another mode the change brings in, and d sigma / dp.
 
     Args:
         loop: one loop. A: its state matrix. rate: dA/dt. mass_rate: (n_tanks,), d ln m_j / dt, 1/s.
-        pole: rad/s. tank: number of the tank whose slosh the amplitude is.
+        pole: rad/s. tank: number of the tank whose slosh the amplitude is. by: dA/dp.
     """
     value, right = np.linalg.eig(A)
     left = np.linalg.inv(right)
@@ -272,7 +298,7 @@ def adiabatic_rate(
             mixing = max(mixing, float(abs(part[own[tank]] / (value[n] - value[k]) / r[own[tank]])))
     along = -turned[own[tank]] / r[own[tank]]  # the slosh of the mode's own tank stays 1
     momentum = -np.sum(mass_rate * l[velocity] * r[velocity])
-    return float((-along + momentum).real), mixing
+    return float((-along + momentum).real), mixing, float((l @ by @ r).real)
 
 
 def slosh_rows(loop: Loop) -> tuple[Array, Array]:

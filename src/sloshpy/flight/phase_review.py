@@ -1,17 +1,20 @@
-"""One phase assessed at all its times: margins, modes, requirement, danger zone in one call each; cycles one by one."""
+"""One phase assessed at all its times: margins and modes in one call each, requirement and cycles time by time."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sloshpy.assess import Assessment, assess
+from sloshpy.case import Case
 from sloshpy.dynamics import open_loop
 from sloshpy.dynamics.poles import unstable_count
 from sloshpy.errors import OutsideValidity
 from sloshpy.flight.trajectory import Phase
 from sloshpy.flight.windows import GrowthWindow, growth_windows
+from sloshpy.flight.workers import Step
 from sloshpy.stability import (
     DangerZone,
     Margins,
@@ -25,7 +28,6 @@ from sloshpy.stability import (
 )
 from sloshpy.units import Array, BoolArray, ComplexArray
 
-Told = Callable[[str], None]  # hears what is being done, one call for each step of work
 VALID_SHARE = 0.15  # of the tank radius: the largest slosh that the spring-mass describes
 
 
@@ -154,54 +156,95 @@ class PhaseReview:
         return np.asarray(np.where(growth > 0.0, np.log(2.0) / np.where(growth > 0.0, growth, 1.0), np.inf))
 
 
-def review_phase(phase: Phase, cycles: int, told: Told) -> PhaseReview:
-    """Assess a phase at all its times.
+def phase_steps(phase: Phase, cycles: int) -> list[Step]:
+    """Return the steps of work that `reviewed` wants the answers of: none rests on another.
 
     Args:
         phase: with at least one tank.
         cycles: limit cycles at every so many times and at both ends; 0 for none.
-        told: hears of each step, `phase_steps` of them in all.
     """
-    loop, count = open_loop(phase.case, phase.small_damping), len(phase.time)
-    told("margins")
-    found = margins(phase.case, phase.small_damping)
-    told("encirclements")
-    witness = np.array([unstable_count(loop.take(np.asarray(k))) == 0 for k in range(count)])
-    told("modes")
-    tracks = track_modes(phase.cases, phase.time, phase.small_damping, "time", "s")
-    held = np.empty((count, len(phase.tanks)))
-    for k, case in enumerate(phase.cases):
-        told("required damping")
-        held[k] = joint_damping(case)
-    together, c = open_loop(phase.case, held), phase.case.criteria
-    required = tuple(loop_required_damping(together, c, j, c.disc_margin) for j in range(len(phase.tanks)))
-    assessments: list[Assessment | None] = [None] * count
-    unsupported = [""] * count
-    for k in cycle_times(count, cycles):
-        told("limit cycles")
-        try:
-            assessments[k] = assess(phase.cases[k])
-        except OutsideValidity as error:
-            unsupported[k] = str(error)
+    wanted = set(cycle_times(len(phase.time), cycles))
+    return [
+        Step(what="modes", ask=functools.partial(_modes, phase)),
+        Step(what="margins", ask=functools.partial(_loop, phase)),
+        *(
+            Step(
+                what="limit cycles" if k in wanted else "required damping",
+                ask=functools.partial(_at_time, case, k in wanted),
+            )
+            for k, case in enumerate(phase.cases)
+        ),
+    ]
+
+
+def reviewed(phase: Phase, answers: Sequence[Any]) -> PhaseReview:
+    """Return the review of a phase from the answers of its steps."""
+    tracks, (found, witness), *rows = answers
+    held = np.array([row.held for row in rows])
     return PhaseReview(
         phase=phase,
         margins=found,
         witness=witness,
         tracks=tracks,
         held=held,
-        required=required,
+        required=tuple(_along(phase, held, [row.required[j] for row in rows]) for j in range(len(phase.tanks))),
         zones=tuple(danger_zone(phase.case, j) for j in range(len(phase.tanks))),
         windows=growth_windows(tracks, phase.name),
-        assessments=tuple(assessments),
-        unsupported=tuple(unsupported),
+        assessments=tuple(row.assessment for row in rows),
+        unsupported=tuple(row.unsupported for row in rows),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _AtTime:
+    """What one time shows; held: (n_tanks,). required: of each tank."""
+
+    held: Array
+    required: tuple[RequiredDamping, ...]
+    assessment: Assessment | None
+    unsupported: str
+
+
+def _modes(phase: Phase) -> ModeTracks:
+    return track_modes(phase.cases, phase.time, phase.small_damping, "time", "s")
+
+
+def _loop(phase: Phase) -> tuple[Margins, BoolArray]:
+    """Return the margins at all times, and whether the encirclement count says stable."""
+    loop = open_loop(phase.case, phase.small_damping)
+    witness = [unstable_count(loop.take(np.asarray(k))) == 0 for k in range(len(phase.time))]
+    return margins(phase.case, phase.small_damping), np.array(witness)
+
+
+def _at_time(case: Case, whole: bool) -> _AtTime:
+    """Return what one time needs, and the whole review of its case where that is wanted: the five steps need it too."""
+    unsupported = ""
+    if whole:
+        try:
+            review = assess(case)
+        except OutsideValidity as error:
+            unsupported = str(error)
+        else:
+            required = tuple(tank.limit_cycle.required for tank in review.tanks)
+            return _AtTime(held=required[0].source.damping, required=required, assessment=review, unsupported="")
+    held = joint_damping(case)
+    together, wanted = open_loop(case, held), case.criteria.disc_margin
+    required = tuple(loop_required_damping(together, case.criteria, j, wanted) for j in range(len(case.vehicle.tanks)))
+    return _AtTime(held=together.damping, required=required, assessment=None, unsupported=unsupported)
+
+
+def _along(phase: Phase, held: Array, rows: Sequence[RequiredDamping]) -> RequiredDamping:
+    """Return the required damping of one tank along a phase."""
+    return RequiredDamping(
+        tank=rows[0].tank,
+        neutral=np.array([float(row.neutral) for row in rows]),
+        required=np.array([float(row.required) for row in rows]),
+        omega=np.array([float(row.omega) for row in rows]),
+        disc_margin=rows[0].disc_margin,
+        source=open_loop(phase.case, held),
     )
 
 
 def cycle_times(count: int, every: int) -> list[int]:
     """Return the times at which limit cycles are sought: every so many and the last; none for 0."""
     return sorted({*range(0, count, every), count - 1}) if every > 0 else []
-
-
-def phase_steps(phase: Phase, cycles: int) -> int:
-    """Return how many steps of work `review_phase` tells of."""
-    return 3 + len(phase.time) + len(cycle_times(len(phase.time), cycles))

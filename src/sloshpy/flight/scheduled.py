@@ -86,7 +86,12 @@ def _quantity(noun: Any, words: tuple[str, ...]) -> Quantity:
         if isinstance(noun, dict):
             noun = noun.get(word)
             continue
-        if not isinstance(noun, BaseModel) or word not in type(noun).model_fields or word in _STEADY:
+        if word in _STEADY and isinstance(noun, BaseModel) and word in type(noun).model_fields:
+            # what a filter with moving coefficients puts out depends on how it is realised, not on them alone
+            raise NotScheduled(
+                f'"{word}" follows no schedule', "end the phase where it is switched, a case for each side"
+            )
+        if not isinstance(noun, BaseModel) or word not in type(noun).model_fields:
             names = _names(noun) if isinstance(noun, BaseModel) else []
             raise NotScheduled(
                 f'has no quantity "{word}" that follows a schedule', f"one of {', '.join(names) or 'none'}"

@@ -1,6 +1,7 @@
 """A flight: phases between events, each a batch of cases along time. Nothing reaches across an event."""
 
 import functools
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from sloshpy.batch import case_shape, for_each
 from sloshpy.case import Case
 from sloshpy.damping import AnyDamping, small_amplitude_ratio
 from sloshpy.errors import OutsideValidity
+from sloshpy.flight.events import Event, event_between
 from sloshpy.stability.between import between
 from sloshpy.units import Array
 
@@ -24,7 +26,8 @@ class Phase:
     case: vehicle, autopilot and criteria, numbers as floats or with the leading axis (T,).
     laws: (T, n_tanks), damping laws where they change with time (a fill above a baffle); () where the case's hold.
     fill: (T, n_tanks), parts of the tanks' volumes, nan where unknown; None where none is known.
-    notes: what was done on the way that a reader should know.
+    notes: what was done on the way that a reader should know. schedules: key of each quantity that follows a schedule,
+    and where it stands, in words. case_file: "" for a case made in Python.
     """
 
     name: str
@@ -33,6 +36,8 @@ class Phase:
     laws: tuple[tuple[AnyDamping, ...], ...] = ()
     fill: Array | None = None
     notes: tuple[str, ...] = ()
+    schedules: tuple[tuple[str, str], ...] = ()
+    case_file: str = ""
 
     def __post_init__(self) -> None:
         t = np.array(self.time, dtype=float)
@@ -112,11 +117,24 @@ class Phase:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileUsed:
+    """A file that a flight was made from: its name as the flight file has it, what it is, its hash."""
+
+    file: str
+    what: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """A flight in phases, in order of time; where one ends and the next begins is an event, analysed on both sides."""
+    """A flight in phases, in order of time; where one ends and the next begins is an event, analysed on both sides.
+
+    files: what it was made from, the flight file first; () for a flight made in Python.
+    """
 
     name: str
     phases: tuple[Phase, ...]
+    files: tuple[FileUsed, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.phases:
@@ -142,6 +160,26 @@ class Trajectory:
     def events(self) -> tuple[float, ...]:
         """Times at which one phase gives way to the next, s."""
         return tuple(float(phase.time[0]) for phase in self.phases[1:])
+
+    @functools.cached_property
+    def crossings(self) -> tuple[Event, ...]:
+        """The events, with what changes at each and whether an oscillation goes on across it."""
+        return tuple(
+            event_between(one.name, (float(one.time[-1]), one.cases[-1]), two.name, (float(two.time[0]), two.cases[0]))
+            for one, two in itertools.pairwise(self.phases)
+        )
+
+    def phase_at(self, time: float) -> Phase:
+        """Return the phase that holds a time in s, at an event the one after it.
+
+        Raises:
+            OutsideValidity: no phase holds it.
+        """
+        holding = [phase for phase in self.phases if phase.time[0] <= time <= phase.time[-1]]
+        if not holding:
+            spans = ", ".join(f"{phase.time[0]:g} to {phase.time[-1]:g} s" for phase in self.phases)
+            raise OutsideValidity(f"{time:g} s lies in no phase; they reach from {spans}")
+        return holding[-1]
 
     def __iter__(self) -> Iterator[Phase]:
         return iter(self.phases)

@@ -1,5 +1,6 @@
 """Stretches of flight in which a mode grows, and by how much: exp of the integral of sigma over time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,42 @@ class GrowthWindow:
             f"{self.mode} grows from {self.start:.2f} to {self.end:.2f} s by a factor of {self.factor:.4g}, "
             f"doubling in {self.time_to_double:.3g} s at {self.at:g} s ({self.phase})"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrowthChain:
+    """Windows of one mode that follow each other across events which an oscillation passes; what those do is apart."""
+
+    windows: tuple[GrowthWindow, ...]
+
+    @property
+    def exponent(self) -> float:
+        """Integral of sigma dt over all of them."""
+        return sum(one.exponent for one in self.windows)
+
+    def __str__(self) -> str:
+        first, last = self.windows[0], self.windows[-1]
+        factor = float(np.exp(min(self.exponent, 700.0)))
+        return (
+            f"{first.mode} grows on from window to window, {first.start:.2f} to {last.end:.2f} s, by a factor of "
+            f"{factor:.4g} in all, without what the events between do themselves"
+        )
+
+
+def growth_chains(windows: Sequence[GrowthWindow], passed: Sequence[float]) -> tuple[GrowthChain, ...]:
+    """Return the windows that go on across events.
+
+    Args:
+        windows: of a flight. passed: times in s of the events that an oscillation passes.
+    """
+    chains: list[list[GrowthWindow]] = []
+    for one in sorted(windows, key=lambda window: window.start):
+        before = next((c for c in chains if c[-1].end == one.start in passed and c[-1].mode == one.mode), None)
+        if before is None:
+            chains.append([one])
+        else:
+            before.append(one)
+    return tuple(GrowthChain(windows=tuple(chain)) for chain in chains if len(chain) > 1)
 
 
 def growth_windows(tracks: ModeTracks, phase: str) -> tuple[GrowthWindow, ...]:

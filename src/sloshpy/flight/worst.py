@@ -9,26 +9,34 @@ from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.flight.phase_review import PhaseReview
 from sloshpy.units import Array
 
+SHALLOW = "more than 15 % of the tank radius, where a spring-mass describes slosh less and less"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Worst:
     """The worst value of one criterion.
 
-    criterion: in words. value: in SI, nan where no number is supported. shown: value in words. limit: in words, "" for
-    none. met: None where the criterion decides nothing by itself. time: s. phase: its name.
+    criterion: in words. value: in SI, nan where no number is supported. unit: its unit. shown: value in words.
+    bound: in the same unit, nan for none. limit: bound in words, "" for none. met: None where the criterion decides
+    nothing by itself. time: s. phase: its name. why: what the review says there, "" where it has no more to say.
+    caution: what the value puts in doubt, "" for nothing.
     """
 
     criterion: str
     value: float
+    unit: str
     shown: str
+    bound: float
     limit: str
     met: bool | None
     time: float
     phase: str
+    why: str = ""
+    caution: str = ""
 
     def __str__(self) -> str:
-        mark = "FAILS" if self.met is False else ""
-        place = f"{self.time:8.2f}  {self.phase}"
+        mark = "FAILS" if self.met is False else f"caution: {self.caution}" if self.caution else ""
+        place = f"{self.time:8.2f}  {self.phase}" + (f", first: {self.why}" if self.why else "")
         return f"{self.criterion:42s} {self.shown:>22s}  {self.limit:>14s}  {place}  {mark}".rstrip()
 
 
@@ -71,11 +79,14 @@ def _verdicts(reviews: Sequence[PhaseReview]) -> list[Worst]:
                 Worst(
                     criterion=words,
                     value=float(len(times)),
+                    unit="1",
                     shown=f"{len(times)} of {asked} times",
+                    bound=0.0,
                     limit="none",
                     met=False if verdict == "fail" else None,
                     time=float(r.time[k]),
-                    phase=f"{r.phase.name}, first: {why}",
+                    phase=r.phase.name,
+                    why=why,
                 )
             )
     return found
@@ -91,7 +102,9 @@ def _witness(reviews: Sequence[PhaseReview]) -> list[Worst]:
         Worst(
             criterion="poles and encirclements disagree",
             value=float(count),
+            unit="1",
             shown=f"{count} times",
+            bound=0.0,
             limit="none",
             met=False,
             time=float(r.time[k]),
@@ -125,7 +138,9 @@ def _margins(reviews: Sequence[PhaseReview]) -> list[Worst]:
             Worst(
                 criterion=f"disc margin, {mode}",
                 value=value,
+                unit="1",
                 shown="loop UNSTABLE" if slosh and unstable else f"{abs(value):.4f}",
+                bound=limit,
                 limit=f">= {limit:g}",
                 met=None if slosh else not near,
                 time=float(r.time[k]),
@@ -150,7 +165,9 @@ def _growth(reviews: Sequence[PhaseReview]) -> list[Worst]:
             Worst(
                 criterion=f"growth at small amplitude, {r.tracks.label[k][n]}" if every else "growth of no slosh mode",
                 value=value,
+                unit="1/s",
                 shown=f"doubles in {np.log(2.0) / value:.3g} s" if value > 0.0 else "nothing grows",
+                bound=np.nan if every else 0.0,
                 limit="" if every else "none",
                 met=None if every else False,
                 time=float(r.time[k]),
@@ -182,7 +199,9 @@ def _requirement(tank: str, with_it: Sequence[tuple[PhaseReview, int]]) -> Worst
     return Worst(
         criterion=f"{tank}: required damping",
         value=need,
+        unit="1",
         shown="none suffices" if np.isnan(need) else f"{100.0 * need:.4g} %",
+        bound=have,
         limit=f"{100.0 * have:.3g} %{where}",
         met=None,
         time=float(r.time[k]),
@@ -208,6 +227,8 @@ def _zone(tank: str, with_it: Sequence[tuple[PhaseReview, int]]) -> list[Worst]:
         Worst(
             criterion=f"{tank}: times in the danger zone",
             value=float(count),
+            unit="1",
+            bound=np.nan,
             shown=f"{count} of {sum(len(one) for one in within)}{unknown}",
             limit="",
             met=None,
@@ -235,11 +256,14 @@ def _cycle(tank: str, with_it: Sequence[tuple[PhaseReview, int]]) -> list[Worst]
             Worst(
                 criterion=f"{tank}: limit cycle, {what}",
                 value=value,
+                unit="m" if what == "slosh" else "rad",
+                bound=limit,
                 shown=f"no number at {unknown} times" if np.isnan(value) else f"{value / scale:.4g} {unit}",
                 limit="" if np.isnan(limit) else f"<= {limit / scale:.3g} {unit}",
                 met=None if what == "slosh" or np.isnan(value) else bool(value <= limit),
                 time=float(r.time[k]),
                 phase=r.phase.name,
+                caution=SHALLOW if what == "slosh" and value > limit else "",
             )
         )
     return found

@@ -105,7 +105,7 @@ class Follower:
 
     def small(self, pole: complex, amplitude: float) -> Mode:
         """Return the mode of the loop at its own damping."""
-        engine = slosh_stiffness(self.loop, pole)[2]
+        engine = engine_per_slosh(self.loop, pole)
         z = mode_shape(self.loop, pole)
         shape = z / (z[self.tank] if z[self.tank] != 0.0 else np.finfo(float).eps)
         tvc = amplitude * float(abs(engine @ shape))
@@ -117,20 +117,21 @@ class Follower:
 
     def _pack(self, mode: Mode) -> Array:
         """Return ln a, the other tanks' relative amplitudes, and sigma and W over the tank's frequency."""
-        others = np.delete(mode.shape, self.tank)
+        others = np.concatenate([mode.shape[: self.tank], mode.shape[self.tank + 1 :]])
         s = mode.pole / self._own_frequency
         return np.concatenate([[np.log(mode.amplitude)], others.real, others.imag, [s.real, s.imag]])
 
     def _read(self, y: Array) -> tuple[float, ComplexArray, complex]:
         n = len(self.laws)
-        shape = np.insert(y[1:n] + 1j * y[n : 2 * n - 1], self.tank, 1.0)
+        others, j = y[1:n] + 1j * y[n : 2 * n - 1], self.tank
+        shape = np.concatenate([others[:j], [1.0], others[j:]])
         return float(np.exp(y[0])), shape, complex(y[-2], y[-1]) * self._own_frequency
 
     def _unpack(self, y: Array) -> Mode:
         a, shape, s = self._read(y)
         p = self.loop.plant
         xi = ratios(self.laws, abs(s.imag) * a * np.abs(shape) / p.tank_frequency)
-        engine = slosh_stiffness(self.loop, s)[2]
+        engine = engine_per_slosh(self.loop, s)
         return Mode(amplitude=a, pole=s, damping=xi, shape=shape, tvc=a * float(abs(engine @ shape)))
 
     def _equations(self, y: Array) -> tuple[Array, Array]:
@@ -139,9 +140,8 @@ class Follower:
         p, n, W = self.loop.plant, len(self.laws), abs(s.imag)
         size = np.abs(r)
         A = W * a * size / p.tank_frequency
-        xi = ratios(self.laws, A)
         h = RELATIVE * A
-        above, below = ratios(self.laws, A + h), ratios(self.laws, A - h)
+        xi, above, below = ratios(self.laws, np.stack([A, A + h, A - h]))
         upper, lower = np.where(np.isnan(above), xi, above), np.where(np.isnan(below), xi, below)
         width = h * (2.0 - np.isnan(above) - np.isnan(below))  # at an end of the data the quotient is one-sided
         slope = np.where(width > 0.0, (upper - lower) / np.where(width > 0.0, width, 1.0), 0.0)  # df/dA
@@ -200,13 +200,24 @@ def _row_scale(loop: Loop) -> Array:
 
 def slosh_stiffness(loop: Loop, s: complex) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return S(s) of the slosh coordinates without slosh damping, dS/ds, and the engine angle per slosh, (n,)."""
-    T, dT = characteristic_matrix(replace(loop, damping=np.zeros_like(loop.damping)), np.array(s))
-    own = np.zeros(len(T), dtype=bool)
-    own[:-1][loop.plant.slosh] = True
-    z, r = np.flatnonzero(own), np.flatnonzero(~own)
-    rest = T[np.ix_(r, r)]
-    right = np.linalg.solve(rest, T[np.ix_(r, z)])  # -right: all other coordinates per slosh
-    left = np.linalg.solve(rest.T, T[np.ix_(z, r)].T).T
-    S = T[np.ix_(z, z)] - T[np.ix_(z, r)] @ right
-    dS = dT[np.ix_(z, z)] - dT[np.ix_(z, r)] @ right - left @ dT[np.ix_(r, z)] + left @ dT[np.ix_(r, r)] @ right
+    T, dT, n = _slosh_last(loop, s)
+    rest, beside, across = T[:n, :n], T[:n, n:], T[n:, :n]
+    right = np.linalg.solve(rest, beside)  # -right: all other coordinates per slosh
+    left = np.linalg.solve(rest.T, across.T).T
+    S = T[n:, n:] - across @ right
+    dS = dT[n:, n:] - dT[n:, :n] @ right - left @ dT[:n, n:] + left @ dT[:n, :n] @ right
     return S, dS, -right[-1]
+
+
+def engine_per_slosh(loop: Loop, s: complex) -> ComplexArray:
+    """Return the engine angle per slosh, (n_tanks,)."""
+    T, _, n = _slosh_last(loop, s)
+    return np.asarray(-np.linalg.solve(T[:n, :n], T[:n, n:])[-1])
+
+
+def _slosh_last(loop: Loop, s: complex) -> tuple[ComplexArray, ComplexArray, int]:
+    """Return T(s) and dT/ds without slosh damping, the slosh coordinates behind the others, and how many others."""
+    T, dT = characteristic_matrix(replace(loop, damping=np.zeros_like(loop.damping)), np.array(s))
+    own = list(range(len(T) - 1))[loop.plant.slosh]
+    order = np.array([*(k for k in range(len(T)) if k not in own), *own])
+    return T[order][:, order], dT[order][:, order], len(T) - len(own)

@@ -24,6 +24,7 @@ SETTLED = 1e-9
 LEAST = 1e-9  # of kappa: a loop that a dead band opens keeps a trace of gain, so that its command can be read
 GAP = 4  # amplitudes in turn without a mode after which the branch is over: each costs many trials
 POINTS = 140  # amplitudes followed, evenly in their logarithm
+SCANNED = 1e-7  # of kappa along the branch: it shows changes of sign, and each zero is solved anew
 
 
 def actuator_factor(actuator: Actuator, amplitude: float, omega: float) -> tuple[complex, float]:
@@ -78,7 +79,7 @@ def limited_modes(case: Case, tank: int, amplitude: Array) -> list[LimitedMode |
     kappa = complex(start)
     lost = 0
     for a in amplitude:
-        one = None if lost == GAP else limited_mode(case, loop, tank, float(a), near, kappa)
+        one = None if lost == GAP else limited_mode(case, loop, tank, float(a), near, kappa, SCANNED)
         found.append(one)
         lost = min(lost + 1, GAP)
         if one is not None:
@@ -86,8 +87,13 @@ def limited_modes(case: Case, tank: int, amplitude: Array) -> list[LimitedMode |
     return found
 
 
-def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa: complex) -> LimitedMode | None:
-    """Return a mode at one amplitude in m with command and engine factor in agreement; None where none is found."""
+def limited_mode(
+    case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa: complex, tolerance: float = 1e-11
+) -> LimitedMode | None:
+    """Return a mode at one amplitude in m with command and engine factor in agreement; None where none is found.
+
+    near, kappa: mode and factor at an amplitude beside it. tolerance: of the factor.
+    """
     from scipy.optimize import root  # 0.3 s: only where an actuator has limits
 
     laws = [t.damping for t in case.vehicle.tanks]
@@ -96,37 +102,48 @@ def limited_mode(case: Case, loop: Loop, tank: int, a: float, near: Mode, kappa:
     bare = case.autopilot.actuator_alone
 
     latest = [near]  # each answer starts the next, most differ little
+    from_near: dict[tuple[float, float], tuple[complex, Mode | None, float]] = {}
 
     def read(y: Array) -> tuple[complex, Mode | None, float]:
         """Return an engine factor within its least, the mode with it and the command amplitude that it asks for."""
         k = complex(y[0], y[1])
         k = k if abs(k) > LEAST else complex(LEAST)
-        follower = Follower(loop=_scaled(loop, k), laws=laws, tank=tank)
-        mode = follower.at(a, latest[0])
-        if mode is None and latest[0] is not near:
+        follower, start = Follower(loop=_scaled(loop, k), laws=laws, tank=tank), latest[0]
+        mode = follower.at(a, start)
+        if mode is None and start is not near:
             mode = follower.at(a, near)
         if mode is None:
             return k, None, np.nan
         latest[0] = mode
         linear = abs(complex(forward_transfer(bare, np.array(1j * mode.pole.imag))))
-        return k, mode, mode.tvc / (abs(k) * linear)
+        found = k, mode, mode.tvc / (abs(k) * linear)
+        if start is near:
+            from_near[float(y[0]), float(y[1])] = found
+        return found
+
+    asked: dict[tuple[float, float], tuple[float, float]] = {}  # the solver asks again where it begins and ends
 
     def lacking(y: Array) -> Array:
-        _, mode, command = read(y)
-        if mode is None:
-            return np.array([1e3, 1e3])
-        wanted, _ = actuator_factor(actuator, command, mode.pole.imag)
-        return np.array([wanted.real - y[0], wanted.imag - y[1]])
+        key = float(y[0]), float(y[1])
+        if key not in asked:
+            _, mode, command = read(y)
+            if mode is None:
+                asked[key] = 1e3, 1e3
+            else:
+                wanted, _ = actuator_factor(actuator, command, mode.pole.imag)
+                asked[key] = wanted.real - key[0], wanted.imag - key[1]
+        return np.array(asked[key])
 
     for begin in (kappa, complex(1.0), complex(0.5), complex(LEAST)):
         solution = np.array([begin.real, begin.imag])
         if np.max(np.abs(lacking(solution))) >= 1e-12:
-            result = root(lacking, solution, tol=1e-11)
+            result = root(lacking, solution, tol=tolerance)
             if np.max(np.abs(lacking(result.x))) > 1e-6:
                 continue
             solution = result.x
         latest[0] = near  # the answer must be that of the mode before, not of another branch met on the way
-        k, mode, command = read(solution)
+        known = from_near.get((float(solution[0]), float(solution[1])))
+        k, mode, command = read(solution) if known is None else known
         if mode is not None:
             peak = actuator_factor(actuator, command, mode.pole.imag)[1]
             return LimitedMode(mode=mode, command=command, peak=peak, kappa=k)

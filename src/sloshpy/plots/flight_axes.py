@@ -27,6 +27,15 @@ def mark_events(axes: Sequence[Axes], result: FlightAssessment) -> None:
         axes[0].annotate(phase.name, (phase.time[0], 0.99), (3, 0), **place, **words)
 
 
+def style_of(result: FlightAssessment, name: str) -> int:
+    """Return the number of the line of a mode or a tank, the same in every figure of a flight: tanks first."""
+    tanks = result.trajectory.tanks
+    names = [*(f"{tank} slosh" for tank in tanks), "rigid body"]
+    names += dict.fromkeys(m.name for r in result.reviews for m in r.phase.case.vehicle.flexible_modes)
+    names += dict.fromkeys(n for r in result.reviews for n in r.margins.groups if n not in names)
+    return names.index(f"{name} slosh" if name in tanks else name)
+
+
 def course(ax: Axes, pieces: Sequence[tuple[Array, Array]], label: str, k: int, **more: Any) -> None:
     """Draw one curve in pieces, one for each phase; the label stands once."""
     style = curve_style(k) | more

@@ -3,8 +3,8 @@
 from matplotlib.axes import Axes
 
 from sloshpy.flight import GrowthCheck
-from sloshpy.plots.flight_axes import TIME, legend
-from sloshpy.plots.style import ALARM, GREY, axes_or_new, finish
+from sloshpy.plots.flight_axes import TIME
+from sloshpy.plots.style import ALARM, GREY, SMALL, axes_or_new, finish, mark_line
 
 
 def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
@@ -20,14 +20,22 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
     ax.plot(history.time, history.slosh[:, tank], color=GREY, linewidth=0.5, label="simulated")
     ax.plot(growth.time, growth.amplitude, color=ALARM, linewidth=2.2, label="predicted amplitude")
     ax.plot(growth.time, -growth.amplitude, color=ALARM, linewidth=2.2)
-    ax.set_xlim(growth.time[0], growth.time[-1])
-    most = 1.3 * growth.amplitude[growth.greatest]
+    if growth.carries:
+        label = "least that the event can leave"
+        ax.plot(growth.time, growth.least, color=ALARM, linewidth=1.0, linestyle=(0, (4.0, 2.0)), label=label)
+        ax.plot(growth.time, -growth.least, color=ALARM, linewidth=1.0, linestyle=(0, (4.0, 2.0)))
+    for carry in growth.carries:
+        mark_line(ax, carry.event.end, carry.event.after, vertical=True, at=0.3)
+    ax.set_xlim(float(growth.time[0]), float(growth.time[-1]))
+    most = 1.45 * float(growth.amplitude[growth.greatest])
     ax.set_ylim(-most, most)
-    legend(ax, 2, "upper left")
-    message = (
-        f"{growth.tank} slosh reaches {growth.amplitude[growth.greatest]:.3g} m at "
-        f"{growth.time[growth.greatest]:.0f} s; "
-        f"prediction and simulation differ by {100.0 * check.worst:.2g} % at most"
+    ax.legend(loc="upper center", ncols=3, fontsize=SMALL, framealpha=0.9, edgecolor="none")
+    k = growth.greatest
+    course = (
+        f"grows from {growth.amplitude[0]:.3g} to {growth.amplitude[k]:.3g} m at {growth.time[k]:.0f} s"
+        if k
+        else f"dies down from {growth.amplitude[0]:.3g} to {growth.amplitude[-1]:.3g} m"
     )
+    message = f"{growth.tank} slosh {course}; simulation differs by {100.0 * check.worst:.2g} % at most"
     finish(ax, message, TIME, "Slosh [m]")
     return ax

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from sloshpy.flight import FlightAssessment
-from sloshpy.plots.flight_axes import TIME, course, legend, mark_events
+from sloshpy.plots.flight_axes import TIME, course, legend, mark_events, style_of
 from sloshpy.plots.style import ALARM, axes_or_new, finish, mark_line
 
 MOST_SHOWN = 4.0  # disc margins beyond are no concern
@@ -21,13 +21,13 @@ def plot_flight_margins(result: FlightAssessment, ax: Axes | None = None) -> Axe
     ax = axes_or_new(ax)
     limit = result.trajectory.phases[0].case.criteria.disc_margin
     modes = tuple(dict.fromkeys(name for r in result.reviews for name in r.margins.groups))
-    for k, mode in enumerate(modes):
+    for mode in modes:
         own = [r for r in result.reviews if mode in r.margins.groups]
         pieces = [
             (r.time, np.where(r.margins.stable, r.disc_margin[:, r.margins.groups.index(mode)], np.nan)) for r in own
         ]
         pieces = [(time, np.where(np.isfinite(values), values, np.nan)) for time, values in pieces]
-        course(ax, pieces, mode, k)
+        course(ax, pieces, mode, style_of(result, mode))
     ax.set_ylim(0.0, MOST_SHOWN)
     unstable = False
     for r in result.reviews:
@@ -73,7 +73,7 @@ def plot_flight_frequencies(result: FlightAssessment, ax: Axes | None = None) ->
     labels = [f"{tank} slosh" for tank in result.trajectory.tanks]
     labels = ["rigid body", *labels]
     labels += dict.fromkeys(m.name for r in result.reviews for m in r.phase.case.vehicle.flexible_modes)
-    for k, label in enumerate(labels):
+    for label in labels:
         pieces = []
         for r in result.reviews:
             own = np.array([[name == label for name in row] for row in r.tracks.label])
@@ -81,7 +81,7 @@ def plot_flight_frequencies(result: FlightAssessment, ax: Axes | None = None) ->
                 found = np.where(own & (r.tracks.f_hz > 0.0), r.tracks.f_hz, np.inf)
                 least = np.min(found, axis=1)
                 pieces.append((r.time, np.where(np.isfinite(least), least, np.nan)))
-        course(ax, pieces, "control (rigid body)" if label == "rigid body" else label, k)
+        course(ax, pieces, "control (rigid body)" if label == "rigid body" else label, style_of(result, label))
     ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter("{x:g}")

@@ -30,6 +30,8 @@ def plot_flight_damping(result: FlightAssessment, ax: Axes | None = None) -> Axe
         most = max(most, *(float(np.max(np.nan_to_num(x))) for _, x in need + have))
         for time, x in need:
             gone = time[np.isnan(x)]
+            if not len(gone):
+                continue  # markers of nothing would push the layout aside
             ax.plot(gone, np.full(len(gone), 1.0), "x", color=ALARM, transform=ax.get_xaxis_transform(), clip_on=False)
     ax.set_ylim(-0.02 * most, 1.1 * most)
     mark_events([ax], result)
@@ -117,7 +119,8 @@ def plot_flight_cycles(result: FlightAssessment, ax: Sequence[Axes] | None = Non
     for axes in (top, bottom):
         axes.set_ylim(bottom=0.0)
     words = "dashed: limits; no dot: no number is supported"
-    bottom.annotate(words, (0.01, 0.5), xycoords="axes fraction", fontsize=SMALL)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    bottom.annotate(words, (0.99, 0.72), xycoords="axes fraction", fontsize=SMALL, ha="right", va="top", bbox=box)
     rows = [one for one in result.worst if one.criterion.endswith("limit cycle, engine")]
     known = [one for one in rows if np.isfinite(one.value)]
     message = "No limit cycle has a supported number"
@@ -125,7 +128,8 @@ def plot_flight_cycles(result: FlightAssessment, ax: Sequence[Axes] | None = Non
         worst = max(known, key=lambda one: one.value)
         tank = worst.criterion.split(":")[0]
         kept = "within" if worst.met else "BEYOND"
-        message = f"{tank} swings the engine most: {worst.shown} at {worst.time:g} s, {kept} {worst.limit[3:]}"
+        most = f"{np.degrees(worst.value):.3g} deg"
+        message = f"{tank} swings the engine most: {most} at {worst.time:g} s, {kept} {worst.limit[3:]}"
     finish(top, message, "", "Slosh [m]")
     finish(bottom, "", TIME, "Engine [deg]")
     return top, bottom

@@ -18,17 +18,25 @@ MOST_SHOWN = 12  # values of a list shown one by one
 
 @dataclass(frozen=True, kw_only=True)
 class InputRow:
-    """One input; `given` is the text of the case file, "" for a default or a case made in Python."""
+    """One input; `given` is the text of the case file, "" for a default or a case made in Python.
+
+    course: whether it changes along time.
+    """
 
     key: str
     symbol: str
     meaning: str
     given: str
     value: str
+    course: bool = False
 
 
 def input_rows(case: Case) -> list[InputRow]:
-    """Return every input of a case in the order of its nouns, keys as in a case file."""
+    """Return every input of a case in the order of its nouns, keys as in a case file.
+
+    Of a batch along time each number that changes is shown with its first and last value and, where it goes beyond
+    them, its least and greatest.
+    """
     given = case.source.given if case.source is not None else {}
     rows = [*_rows("vehicle", case.vehicle, given)]
     for tank in case.vehicle.tanks:
@@ -61,8 +69,36 @@ def _rows(key: str, noun: BaseModel, given: dict[str, str]) -> Iterator[InputRow
                 symbol=quantity.symbol if quantity else "",
                 meaning=(quantity.meaning if quantity else field.description) or "",
                 given=given.get(at, ""),
-                value=_slope(noun) if isinstance(noun, PowerDamping) and name == "slope" else _value(value, quantity),
+                value=_shown(noun, name, value, quantity),
+                course=_along_time(noun, value) and not _steady(value),
             )
+
+
+def _shown(noun: BaseModel, name: str, value: Any, quantity: Quantity | None) -> str:
+    if isinstance(noun, PowerDamping) and name == "slope":
+        return _slope(noun)
+    return _course(value, quantity) if _along_time(noun, value) else _value(value, quantity)
+
+
+def _along_time(noun: BaseModel, value: Any) -> bool:
+    """Whether a value is a course over time; a law's arrays are its data."""
+    return isinstance(value, np.ndarray) and value.ndim == 1 and "law" not in type(noun).model_fields
+
+
+def _steady(course: Any) -> bool:
+    """Whether a course changes by no more than the rounding of what was computed at each time."""
+    return bool(np.ptp(course) <= 1e-9 * np.max(np.abs(course)))
+
+
+def _course(value: Any, quantity: Quantity | None) -> str:
+    """Return the first and the last value of a course, and its extremes where they lie between."""
+    ends, low, high = (value[0], value[-1]), np.min(value), np.max(value)
+    if _steady(value):
+        return _value(float(low), quantity)
+    parts = [f"{_value(float(ends[0]), quantity)} to {_value(float(ends[1]), quantity)}"]
+    parts += [f"at least {_value(float(low), quantity)}"] if low < min(ends) else []
+    parts += [f"at most {_value(float(high), quantity)}"] if high > max(ends) else []
+    return ", ".join(parts)
 
 
 def _quantity(field: FieldInfo) -> Quantity | None:

@@ -74,7 +74,7 @@ def report_html(assessment: Assessment, full: bool = False) -> str:
         a=assessment,
         version=importlib.metadata.version("sloshpy"),
         tables=[criteria_table(assessment), *([] if m.folded else [tank_table(assessment)]), *loop],
-        figures=[_shown(k, figure) for k, figure in enumerate(figures(assessment, full))],
+        figures=[shown(k, figure) for k, figure in enumerate(figures(assessment, full))],
         inputs=input_rows(assessment.case),
         cautions=[reason for reason in assessment.reasons if "caution" in reason or "not checked" in reason],
         assumptions=assumptions(assessment.case),
@@ -103,7 +103,7 @@ def assumptions(case: Case) -> list[str]:
     ]
 
 
-def _shown(number: int, figure: ReportFigure) -> _Shown:
+def shown(number: int, figure: ReportFigure) -> _Shown:
     if figure.missing:
         return _Shown(figure=figure, svg="", reason=figure.missing)
     try:
