@@ -31,8 +31,8 @@ from sloshpy.dispersion.varied import varied
 from sloshpy.dynamics import open_loop
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.files import read_case
-from sloshpy.simulation.ensemble import engine_row, slosh_rows
 from sloshpy.simulation.envelope import settled_envelope
+from sloshpy.simulation.state_rows import engine_row, slosh_rows
 
 DURATION, START = 200.0, 0.44  # s and m: near the limit cycle, so that most runs settle
 GAIN, DELAY = 10.0 ** (4.4 / 20.0), 0.17

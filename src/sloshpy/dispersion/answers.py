@@ -14,7 +14,7 @@ from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation import simulate_ensemble
-from sloshpy.simulation.ensemble import FLEXIBLE_STEP, SLOSH_STEP
+from sloshpy.simulation.ensemble import FLEXIBLE_STEP, slosh_step
 from sloshpy.stability import loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
@@ -22,7 +22,7 @@ from sloshpy.units import Array
 MARGINAL = 1e-6  # a disc margin this near its limit is on neither side: across computers rounding decides
 MOST_REASON = 200  # characters kept
 SPARE = 0.8  # of the ensemble's own step, for frequencies that follow from other inputs
-STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 2e-5 of a limit cycle
+STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 1e-4 of a limit cycle
 
 
 def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
@@ -148,14 +148,14 @@ def step_of(dispersion: Dispersion) -> float:
         if found.field == "frequency":
             least = min(float(np.min(np.asarray(x))) for x in nominal(case, found))
             widest = max(widest, p.distribution.high / (1.0 if p.factor else least))
-    return float(SPARE * min(SLOSH_STEP / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest)
+    return float(SPARE * min(slosh_step(case) / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest)
 
 
 def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Rows:
     how, step = dispersion.analysis, step_of(dispersion)
     assert isinstance(how, Nonlinear)
     case = batch.case.model_copy(update={"autopilot": batch.case.autopilot.degraded(how.gain, how.delay)})
-    for part, most in ((case.vehicle.tanks, SLOSH_STEP), (case.vehicle.flexible_modes, FLEXIBLE_STEP)):
+    for part, most in ((case.vehicle.tanks, slosh_step(case)), (case.vehicle.flexible_modes, FLEXIBLE_STEP)):
         for one in part:
             if np.any(np.asarray(one.frequency) * step > STRETCH * most):
                 raise OutsideValidity(
