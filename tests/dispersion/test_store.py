@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from sloshpy.dispersion import disk, findings, read_campaign, run_campaign
 from sloshpy.dispersion.campaign import fill, header_of
 from sloshpy.dispersion.lock import locked
 from sloshpy.dispersion.store import Layout, Store, identity, open_store
+from sloshpy.dispersion.workers import computed
 from sloshpy.errors import InputError
 
 LAYOUT = Layout(cases=23, block=5, columns=("a", "b"))
@@ -28,7 +30,7 @@ def header(**more):
 def driven(folder, answer=toy, layout=LAYOUT, resume=True):
     store = open_store(folder, header(), layout, resume)
     with store.writing():
-        fill(store, answer, 0, 10.0, lambda done, count: None)
+        fill(store, partial(computed, answer, store.layout, workers=0, case_limit=10.0), lambda done, count: None)
     return store
 
 

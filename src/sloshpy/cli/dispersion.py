@@ -18,7 +18,7 @@ from rich.text import Text
 
 from sloshpy.cli.app import app
 from sloshpy.cli.options import quantity, refused
-from sloshpy.dispersion import Dispersion, findings, read_campaign, rerun, run_campaign, write_campaign
+from sloshpy.dispersion import Cluster, Dispersion, findings, read_campaign, rerun, run_campaign, write_campaign
 from sloshpy.dispersion.answers import columns_of
 from sloshpy.dispersion.campaign import Watch, holds_campaign
 from sloshpy.dispersion.dispersion import drawn
@@ -38,6 +38,10 @@ def disperse(
     partial: Annotated[bool, Parameter(negative="", help="read a store that is not finished, as n of N")] = False,
     case: Annotated[int | None, Parameter(help="run one case again, by its number")] = None,
     workers: Annotated[int | None, Parameter(help="processes; default: the cores of this machine")] = None,
+    cluster: Annotated[str | None, Parameter(help="scheduler of dask.distributed, such as tls://host:8786")] = None,
+    tls_ca: Annotated[Path | None, Parameter(help="PEM file of its authority", env_var="SLOSHPY_TLS_CA")] = None,
+    tls_cert: Annotated[Path | None, Parameter(help="PEM file of our certificate", env_var="SLOSHPY_TLS_CERT")] = None,
+    tls_key: Annotated[Path | None, Parameter(help="PEM file of our key", env_var="SLOSHPY_TLS_KEY")] = None,
     case_limit: Annotated[str, Parameter(help="longest time that one case may take")] = "60 s",
     export: Annotated[Path | None, Parameter(help="write every draw and answer into this NetCDF file, .nc")] = None,
     json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
@@ -51,6 +55,9 @@ def disperse(
     if not 0.1 <= limit <= 1e5:
         raise refused("--case-limit", case_limit, "must be 0.1 s to 1e5 s", 'write "60 s"')
     count = len(os.sched_getaffinity(0)) if workers is None else workers
+    if cluster is not None and workers is not None:
+        raise refused("--workers", workers, "stands beside --cluster, which has its own", "leave one of them out")
+    machines = None if cluster is None else Cluster(address=cluster, ca=tls_ca, cert=tls_cert, key=tls_key)
     if not 1 <= count <= 512:
         raise refused("--workers", workers, "must be 1 to 512", "leave it out for all cores")
     if store is None and (resume or partial):
@@ -79,7 +86,15 @@ def disperse(
         try:
             with _progress() as watch:
                 campaign = run_campaign(
-                    read, cases, seed, store=store, resume=resume, workers=count, case_limit=limit, watch=watch
+                    read,
+                    cases,
+                    seed,
+                    store=store,
+                    resume=resume,
+                    workers=count,
+                    cluster=machines,
+                    case_limit=limit,
+                    watch=watch,
                 )
         except KeyboardInterrupt:
             kept = "nothing is kept without --store" if store is None else "what is finished is kept; --resume goes on"

@@ -3,7 +3,7 @@
 import functools
 import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.dispersion.answers import answered, columns_of
+from sloshpy.dispersion.cluster import Cluster, computed_there
 from sloshpy.dispersion.dispersion import Dispersion, drawn
 from sloshpy.dispersion.environment import environment
 from sloshpy.dispersion.rows import Column, Rows, Status
@@ -77,6 +78,7 @@ def run_campaign(
     store: str | os.PathLike[str] | None = None,
     resume: bool = False,
     workers: int = 0,
+    cluster: Cluster | None = None,
     case_limit: float = CASE_LIMIT,
     watch: Watch | None = None,
 ) -> Campaign:
@@ -87,35 +89,43 @@ def run_campaign(
         cases: N, 1 or more. seed: root of all streams, 0 <= seed < 2^64.
         store: folder in which finished blocks are kept. resume: take up the campaign that it holds.
         workers: processes; 0: this process, without guard against a case that hangs or crashes.
-        case_limit: s that one case may take, with workers.
+        cluster: workers of dask.distributed elsewhere, in place of `workers`.
+        case_limit: s that one case may take, with workers or a cluster.
         watch: told how many cases are done and how many there are.
 
     Raises:
-        InputError: the store holds something else, is being written, or its disk is full.
+        InputError: the store holds something else, is being written, or its disk is full; the cluster is not there, or
+            its machines would give other digits.
     """
     layout = layout_of(dispersion, cases, seed)
     answer = functools.partial(answered, dispersion, seed)
     tell = watch or (lambda done, count: None)
+
+    def blocks(numbers: Iterable[int]) -> Iterator[tuple[int, Rows]]:
+        if cluster is not None:
+            return computed_there(cluster, answer, layout, numbers, case_limit)
+        return computed(answer, layout, numbers, workers, case_limit)
+
     if store is None:
         kept: dict[int, Rows] = {}
-        for number, rows in computed(answer, layout, layout.numbers, workers, case_limit):
+        for number, rows in blocks(layout.numbers):
             kept[number] = rows
             tell(sum(r.count for r in kept.values()), cases)
         return _gathered(dispersion, seed, layout, kept.get)
     held = open_store(store, header_of(dispersion, cases, seed), layout, resume)
     with held.writing():
-        fill(held, answer, workers, case_limit, tell)
+        fill(held, blocks, tell)
     return _gathered(dispersion, seed, layout, held.read)
 
 
-def fill(store: Store, answer: Callable[[int, int], Rows], workers: int, case_limit: float, watch: Watch) -> None:
+def fill(store: Store, blocks: Callable[[Iterable[int]], Iterator[tuple[int, Rows]]], watch: Watch) -> None:
     """Compute the blocks that a store lacks, and write each as soon as it is ready."""
     layout = store.layout
     there = set(store.done())
     done = sum(layout.span(number)[1] for number in there)
     watch(done, layout.cases)
     missing = [number for number in layout.numbers if number not in there]
-    for number, rows in computed(answer, layout, missing, workers, case_limit):
+    for number, rows in blocks(missing):
         store.write(number, rows)
         done += rows.count
         watch(done, layout.cases)

@@ -1,8 +1,7 @@
 """A campaign on disk: one immutable file for each block of cases, a header, a lock, and nothing that counts.
 
-A block file is `sloshpy block 1`, one line of JSON, the rows as little-endian float64, and the SHA-256 of all of it. It
-is written under another name, flushed to the disk and then renamed; what is done is found out by reading the blocks,
-each checked to its last byte. Two drivers on one store write the same bytes.
+A block file is written under another name, flushed to the disk and then renamed; what is done is found out by reading
+the blocks, each checked to its last byte. Two drivers on one store write the same bytes.
 """
 
 import contextlib
@@ -15,16 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sloshpy.dispersion import disk
+from sloshpy.dispersion.block import decoded, encoded
 from sloshpy.dispersion.lock import alive, locked
 from sloshpy.dispersion.rows import Rows
 from sloshpy.errors import InputError, Problem
 
 HEADER = "campaign.json"
-_MAGIC = b"sloshpy block 1\n"
-_DIGEST = 32  # bytes of SHA-256
 _TEMPORARY = re.compile(r"(?:block-\d{8}\.bin|campaign\.json)\.(\d+)\.tmp")
 
 
@@ -75,7 +71,7 @@ class Store:
         Raises:
             InputError: the disk is full or does not take it; what was written before stays.
         """
-        _write_whole(self.path(number), _encoded(number, rows, self.header["campaign"]))
+        _write_whole(self.path(number), encoded(number, rows, self.header["campaign"]))
 
     def read(self, number: int) -> Rows | None:
         """Return the rows of a block, None where it is missing or any bit of it is not as written."""
@@ -84,7 +80,7 @@ class Store:
         except FileNotFoundError:
             return None
         first, count = self.layout.span(number)
-        rows = _decoded(data, number, self.header["campaign"])
+        rows = decoded(data, number, self.header["campaign"])
         return rows if rows is not None and rows.sound(first, count, len(self.layout.columns)) else None
 
     def done(self) -> list[int]:
@@ -103,7 +99,7 @@ def open_store(folder: str | os.PathLike[str], header: dict[str, Any], layout: L
     store = Store(folder=path, header=header, layout=layout)
     if (path / HEADER).exists():
         found = read_header(path)
-        different = _differences(found, header)
+        different = differences(found, header)
         if different:
             raise InputError(*(_refused(path, f"holds another campaign: {text}", cure) for text, cure in different))
         if not resume:
@@ -147,7 +143,7 @@ def identity(header: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
-def _differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str, str]]:
+def differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str, str]]:
     """Return each entry of two headers that differs, with what to do about it."""
     texts = []
     for key in sorted({*found, *wanted} - {"campaign"}):
@@ -178,39 +174,6 @@ def _write_whole(path: Path, data: bytes) -> None:
             disk.remove(temporary)
         rule = f"cannot take {path.name}, {len(data)} bytes ({error.strerror})"
         raise InputError(_refused(path.parent, rule, "make room; what is there stays, and --resume goes on")) from None
-
-
-def _encoded(number: int, rows: Rows, campaign: str) -> bytes:
-    table = np.column_stack([np.arange(rows.first, rows.first + rows.count), rows.status, rows.values])
-    payload = np.ascontiguousarray(table, dtype="<f8").tobytes()
-    told = {str(rows.first + k): reason for k, reason in enumerate(rows.reasons) if reason}
-    head = {
-        "campaign": campaign,
-        "number": number,
-        "shape": table.shape,
-        "payload": len(payload),
-        "reasons": told,
-    }
-    body = _MAGIC + json.dumps(head, sort_keys=True).encode() + b"\n" + payload
-    return body + hashlib.sha256(body).digest()
-
-
-def _decoded(data: bytes, number: int, campaign: str) -> Rows | None:
-    """Return the rows of a block file, None where any bit is not as written or it is another campaign's."""
-    body, digest = data[:-_DIGEST], data[-_DIGEST:]
-    if not body.startswith(_MAGIC) or hashlib.sha256(body).digest() != digest:
-        return None
-    line, _, payload = body[len(_MAGIC) :].partition(b"\n")
-    head = json.loads(line)
-    if (head["campaign"], head["number"], head["payload"]) != (campaign, number, len(payload)):
-        return None
-    table = np.frombuffer(payload, dtype="<f8").reshape(head["shape"]).astype(float)
-    first = int(table[0, 0])
-    if not np.array_equal(table[:, 0], np.arange(first, first + len(table))):
-        return None
-    told = head["reasons"]
-    reasons = tuple(told.get(str(first + k), "") for k in range(len(table)))
-    return Rows(first=first, values=table[:, 2:].copy(), status=table[:, 1].copy(), reasons=reasons)
 
 
 def _refused(folder: Path, rule: str, cure: str) -> Problem:
