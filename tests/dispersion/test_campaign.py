@@ -1,6 +1,7 @@
 """A campaign's rows are those of the verbs and of a case alone, bit for bit; lost cases are listed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from sloshpy.dispersion.answers import answered, columns_of
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Status
 from sloshpy.dispersion.varied import varied
+from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics import open_loop
 from sloshpy.errors import InputError
 from sloshpy.limit_cycle import predict_limit_cycle
@@ -135,6 +137,37 @@ def test_verdicts_rest_on_what_so_many_cases_can_show():
     assert even.criteria[0].probability is None
     poor = stage(Linear(amplitude=0.1), coverage=0.9)
     assert findings(run_campaign(poor, 40, 1)).verdict == "fail"
+
+
+def test_the_verdict_on_a_case_takes_every_criterion_and_no_sure_side_is_no_pass():
+    """By plain comparisons, one case after another; a case is marginal only where nothing else is surely broken."""
+    d = stage(Linear(amplitude=0.47))
+    columns, limit, rows = columns_of(d), d.case.criteria.tvc_amplitude, answered(d, 5, 0, 200)
+    assert [c.name for c in columns][-1] == "verdict"
+    good = (rows.values[:, 0] >= 1.0) & (rows.values[:, 1] <= 0.0) & (rows.values[:, 4] <= limit)
+    assert 20 < np.sum(good) < 180
+    assert np.array_equal(rows.values[:, -1], np.where(good, 1.0, -1.0))  # none happens to be marginal
+    table = np.array(
+        [
+            [1.0 + 9e-7, -0.1, 0.04, 0.4, 0.5 * limit],  # 0: within 1e-6 of the disc margin
+            [1.0 + 1.1e-6, -0.1, 0.04, 0.4, 0.5 * limit],
+            [1.0 - 9e-7, -0.1, 0.04, 0.4, 0.5 * limit],
+            [1.0, -0.1, 0.04, 0.4, 1.1 * limit],  # breaks another
+            [1.5, 1e-9, 0.04, 0.4, 0.5 * limit],
+            [1.5, 1e-8, 0.04, 0.4, 0.5 * limit],
+            [1.5, -0.1, 0.04, np.inf, np.inf],
+            [np.nan] * 5,
+        ]
+    )
+    expected = [0.0, 1.0, 0.0, -1.0, 0.0, -1.0, -1.0, np.nan]
+    np.testing.assert_array_equal(verdicts(columns[:-1], table), expected)
+    whole = run_campaign(d, 8, 5)
+    found = findings(replace(whole, values=np.column_stack([table, expected])))
+    counts = {c.column.name: (c.broken, c.marginal) for c in found.criteria}
+    assert counts == {"disc_margin": (4, 3), "growth": (3, 1), "engine.LOX": (3, 0), "verdict": (7, 3)}
+    assert "every criterion together: not shown; broken by 7 of 8, 3 of them marginal" in str(found)
+    assert json.loads(found.to_json())["criteria"][-1]["marginal"] == 3
+    assert set(found.criteria[-1].worst) == {3, 5, 6, 7, 0}
 
 
 def test_what_is_printed_and_written_holds_every_case(tmp_path):

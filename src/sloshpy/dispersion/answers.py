@@ -10,6 +10,7 @@ from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Column, Rows, Status, failed, joined
 from sloshpy.dispersion.varied import Varied, find_input, nominal, varied
+from sloshpy.dispersion.verdict import VERDICT, verdicts
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
@@ -19,7 +20,11 @@ from sloshpy.stability import loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
-MARGINAL = 1e-6  # a disc margin this near its limit is on neither side: across computers rounding decides
+MARGINAL = (
+    1e-6  # of a disc margin, and in parts of the engine's limit: nearer to it, on other computers rounding decides
+)
+NEUTRAL = 1e-9  # likewise of a growth, in parts of the fastest slosh
+STEPPED = 1e-4  # in parts of the engine's limit, which the step of a simulation leaves
 MOST_REASON = 200  # characters kept
 SPARE = 0.8  # of the ensemble's own step, for frequencies that follow from other inputs
 STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 1e-4 of a limit cycle
@@ -27,37 +32,58 @@ STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 1e
 
 def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
     """Return what is kept of each case."""
-    c = dispersion.case.criteria
-    tanks = [tank.name for tank in dispersion.case.vehicle.tanks]
+    linear = isinstance(dispersion.analysis, Linear)
+    return (*(_linear_columns(dispersion.case) if linear else _nonlinear_columns(dispersion.case)), VERDICT)
 
-    def engine(name: str, meaning: str) -> Column:
-        return Column(name=name, unit="rad", meaning=meaning, worst=1, limit=c.tvc_amplitude)
 
-    if isinstance(dispersion.analysis, Linear):
-        read = "where the dampings are read"
-        found = [
-            Column(name="disc_margin", unit="1", meaning=f"signed, {read}", worst=-1, limit=c.disc_margin),
-            Column(name="growth", unit="1/s", meaning=f"greatest growth of a pole {read}", worst=1, limit=0.0),
+def _engine(case: Case, name: str, meaning: str, tolerance: float) -> Column:
+    most = case.criteria.tvc_amplitude
+    return Column(name=name, unit="rad", meaning=meaning, worst=1, limit=most, tolerance=tolerance * most)
+
+
+def _linear_columns(case: Case) -> list[Column]:
+    read, least = "where the dampings are read", case.criteria.disc_margin
+    fastest = max((float(np.max(tank.frequency)) for tank in case.vehicle.tanks), default=1.0)
+    found = [
+        Column(name="disc_margin", unit="1", meaning=f"signed, {read}", worst=-1, limit=least, tolerance=MARGINAL),
+        Column(
+            name="growth",
+            unit="1/s",
+            meaning=f"greatest growth of a pole {read}",
+            worst=1,
+            limit=0.0,
+            tolerance=NEUTRAL * fastest,
+        ),
+    ]
+    for tank in case.vehicle.tanks:
+        t = tank.name
+        found += [
+            Column(name=f"required_damping.{t}", unit="1", meaning="of the tank, for the disc margin", worst=1),
+            Column(name=f"slosh.{t}", unit="m", meaning="amplitude at which its law gives that", worst=1),
+            _engine(case, f"engine.{t}", "engine amplitude in that oscillation", MARGINAL),
         ]
-        for t in tanks:
-            found += [
-                Column(name=f"required_damping.{t}", unit="1", meaning="of the tank, for the disc margin", worst=1),
-                Column(name=f"slosh.{t}", unit="m", meaning="amplitude at which its law gives that", worst=1),
-                engine(f"engine.{t}", "engine amplitude in that oscillation"),
-            ]
-        return tuple(found)
+    return found
+
+
+def _nonlinear_columns(case: Case) -> list[Column]:
     found = []
-    for t in tanks:
+    for tank in case.vehicle.tanks:
+        t = tank.name
         found += [
             Column(name=f"slosh_amplitude.{t}", unit="m", meaning="settled, half peak to peak", worst=1),
             Column(name=f"slosh_peak.{t}", unit="m", meaning="greatest of the run", worst=1),
         ]
-    return (
+    return [
         *found,
-        engine("engine_amplitude", "settled, half peak to peak"),
+        _engine(case, "engine_amplitude", "settled, half peak to peak", STEPPED),
         Column(name="engine_peak", unit="rad", meaning="greatest of the run", worst=1),
         Column(name="engine_omega", unit="rad/s", meaning="frequency of the settled engine"),
-    )
+    ]
+
+
+def _with_verdict(dispersion: Dispersion, values: Array) -> Array:
+    """Return rows with the verdict on each as their last number."""
+    return np.concatenate([values, verdicts(columns_of(dispersion)[:-1], values)[:, None]], axis=1)
 
 
 def answered(dispersion: Dispersion, seed: int, first: int, count: int) -> Rows:
@@ -116,7 +142,7 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
         never = ~np.isfinite(amplitude)
         slosh[never], engine[never] = np.inf, np.inf
         parts += [np.where(np.isnan(required), np.inf, required), slosh, engine]
-    values = np.stack(parts, axis=-1)
+    values = _with_verdict(dispersion, np.stack(parts, axis=-1))
     unknown = np.any(np.isnan(values), axis=1)
     reasons = tuple("no finite disc margin" if bad else "" for bad in unknown)
     status = np.where(unknown, float(Status.FAILED), float(Status.OK))
@@ -171,6 +197,6 @@ def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) ->
     reasons = tuple(str(r) for r in np.broadcast_to(run.reason, count))
     diverged = np.array([r.startswith("diverged") for r in reasons])
     status = np.where(diverged, Status.DIVERGED, np.where([r == "" for r in reasons], Status.OK, Status.UNSETTLED))
-    greater = np.array([column.worst > 0 for column in columns_of(dispersion)])
-    values = np.where(diverged[:, None] & greater, np.inf, values)
+    greater = np.array([column.worst > 0 for column in columns_of(dispersion)[:-1]])
+    values = _with_verdict(dispersion, np.where(diverged[:, None] & greater, np.inf, values))
     return Rows(first=first, values=values, status=status.astype(float), reasons=reasons)
