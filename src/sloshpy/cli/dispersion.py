@@ -22,6 +22,7 @@ from sloshpy.dispersion import Cluster, Dispersion, findings, read_campaign, rer
 from sloshpy.dispersion.answers import columns_of
 from sloshpy.dispersion.campaign import Watch, holds_campaign
 from sloshpy.dispersion.dispersion import drawn
+from sloshpy.dispersion.export import check_export
 from sloshpy.dispersion.rows import Status
 from sloshpy.dispersion.store import read_header
 from sloshpy.files import read_dispersion
@@ -43,7 +44,7 @@ def disperse(
     tls_cert: Annotated[Path | None, Parameter(help="PEM file of our certificate", env_var="SLOSHPY_TLS_CERT")] = None,
     tls_key: Annotated[Path | None, Parameter(help="PEM file of our key", env_var="SLOSHPY_TLS_KEY")] = None,
     case_limit: Annotated[str, Parameter(help="longest time that one case may take")] = "60 s",
-    export: Annotated[Path | None, Parameter(help="write every draw and answer into this NetCDF file, .nc")] = None,
+    export: Annotated[Path | None, Parameter(help="write every draw and answer as NetCDF, .nc, or Zarr, .zarr")] = None,
     json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
 ) -> int:
     """Draw an uncertain case N times and say what share meets the criteria, with which confidence, and what drives it.
@@ -64,8 +65,8 @@ def disperse(
         raise refused("--resume" if resume else "--partial", "", "needs --store", "name the folder of the campaign")
     if resume and partial:
         raise refused("--partial", "", "stands beside --resume", "finish the campaign or read it as it is")
-    if export is not None and (export.suffix != ".nc" or export.exists() or not export.parent.is_dir()):
-        raise refused("--export", export, "must be a new file that ends in .nc, in a folder that is there", "rename it")
+    if export is not None:
+        check_export(export)
     read = read_dispersion(file)
     there = store is not None and holds_campaign(store)
     if there and store is not None:
