@@ -11,7 +11,8 @@ from cases import paper_case, random_case, real_case, xi
 from sloshpy.batch import case_shape
 from sloshpy.damping import PowerDamping
 from sloshpy.dispersion import Dispersion, Linear, Nonlinear, campaign_dataset, drawn, findings, rerun, run_campaign
-from sloshpy.dispersion.answers import answered, columns_of
+from sloshpy.dispersion.answers import answered
+from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Status
 from sloshpy.dispersion.varied import varied

@@ -19,8 +19,8 @@ from rich.text import Text
 from sloshpy.cli.app import app
 from sloshpy.cli.options import quantity, refused
 from sloshpy.dispersion import Cluster, Dispersion, findings, read_campaign, rerun, run_campaign, write_campaign
-from sloshpy.dispersion.answers import columns_of
 from sloshpy.dispersion.campaign import Watch, holds_campaign
+from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.dispersion import drawn
 from sloshpy.dispersion.export import check_export
 from sloshpy.dispersion.rows import Status
@@ -45,6 +45,9 @@ def disperse(
     tls_key: Annotated[Path | None, Parameter(help="PEM file of our key", env_var="SLOSHPY_TLS_KEY")] = None,
     case_limit: Annotated[str, Parameter(help="longest time that one case may take")] = "60 s",
     export: Annotated[Path | None, Parameter(help="write every draw and answer as NetCDF, .nc, or Zarr, .zarr")] = None,
+    figures: Annotated[
+        Path | None, Parameter(help="of a flight: percentiles over time, a figure and a table of each, in this folder")
+    ] = None,
     json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
 ) -> int:
     """Draw an uncertain case N times and say what share meets the criteria, with which confidence, and what drives it.
@@ -67,7 +70,11 @@ def disperse(
         raise refused("--partial", "", "stands beside --resume", "finish the campaign or read it as it is")
     if export is not None:
         check_export(export)
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise refused("--figures", figures, "is a file", "name a folder")
     read = read_dispersion(file)
+    if figures is not None and not read.flight:
+        raise refused("--figures", figures, "needs a flight: one case has no time", "leave it out")
     there = store is not None and holds_campaign(store)
     if there and store is not None:
         header = read_header(store)
@@ -106,6 +113,11 @@ def disperse(
     if export is not None:
         write_campaign(campaign, export)
         print(f"table: {export}", file=sys.stderr if json else sys.stdout)
+    if figures is not None:
+        from sloshpy.report import write_campaign_figures  # matplotlib: only when something is drawn
+
+        for path in write_campaign_figures(campaign, figures):
+            print(f"{'table' if path.suffix == '.csv' else 'figure'}: {path}", file=sys.stderr if json else sys.stdout)
     return 0 if found.verdict == "pass" else 1
 
 
@@ -130,16 +142,18 @@ def _one(read: Dispersion, case: int, seed: int | None, store: Path | None, json
                 np.array_equal(campaign.values[case], row.values[0], equal_nan=True)
                 and campaign.status[case] == row.status[0]
             )
-    columns, status = columns_of(read), Status(int(row.status[0])).name.lower()
+    shown = [k for k, c in enumerate(columns_of(read)) if c.moment is None]
+    columns, values = [columns_of(read)[k] for k in shown], row.values[0][shown]
+    status = Status(int(row.status[0])).name.lower()
     if json:
-        numbers = {c.name: float(v) if np.isfinite(v) else str(v) for c, v in zip(columns, row.values[0], strict=True)}
+        numbers = {c.name: float(v) if np.isfinite(v) else str(v) for c, v in zip(columns, values, strict=True)}
         inputs = dict(zip(read.inputs, map(float, draws), strict=True))
         told = {"case": case, "seed": str(seed), "draws": inputs, "answers": numbers}
         print(json_text.dumps(told | {"status": status, "reason": row.reasons[0], "same": same}, indent=1))
     else:
         print(f"case {case} of seed {seed}: {status} {row.reasons[0]}".rstrip())
         print("\n".join(f"  {name:32s} {x:.10g}" for name, x in zip(read.inputs, draws, strict=True)))
-        print("\n".join(f"  {c.name:32s} {x:.10g} {c.unit}" for c, x in zip(columns, row.values[0], strict=True)))
+        print("\n".join(f"  {c.name:32s} {x:.10g} {c.unit}" for c, x in zip(columns, values, strict=True)))
         if same is not None:
             print("the same bits as in the store" if same else "NOT the same as in the store")
     return 1 if same is False else 0

@@ -1,16 +1,18 @@
 """What is asked of a batch of cases: margins and required damping of each, or a nonlinear simulation of each."""
 
+from dataclasses import replace
+
 import numpy as np
 from pydantic import ValidationError
 
-from sloshpy.batch import case_shape
 from sloshpy.case import Case
 from sloshpy.damping.laws import small_amplitude_ratio
+from sloshpy.dispersion.columns import columns_of, worst_columns
 from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
 from sloshpy.dispersion.many_required import many_required
-from sloshpy.dispersion.rows import Column, Rows, Status, failed, joined
-from sloshpy.dispersion.varied import Varied, find_input, nominal, varied
-from sloshpy.dispersion.verdict import VERDICT, verdicts
+from sloshpy.dispersion.rows import Rows, Status, failed, joined
+from sloshpy.dispersion.varied import Varied, find_input, nominal, stands_in, varied
+from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
@@ -20,65 +22,9 @@ from sloshpy.stability import loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
-MARGINAL = (
-    1e-6  # of a disc margin, and in parts of the engine's limit: nearer to it, on other computers rounding decides
-)
-NEUTRAL = 1e-9  # likewise of a growth, in parts of the fastest slosh
-STEPPED = 1e-4  # in parts of the engine's limit, which the step of a simulation leaves
 MOST_REASON = 200  # characters kept
 SPARE = 0.8  # of the ensemble's own step, for frequencies that follow from other inputs
 STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 1e-4 of a limit cycle
-
-
-def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
-    """Return what is kept of each case."""
-    linear = isinstance(dispersion.analysis, Linear)
-    return (*(_linear_columns(dispersion.case) if linear else _nonlinear_columns(dispersion.case)), VERDICT)
-
-
-def _engine(case: Case, name: str, meaning: str, tolerance: float) -> Column:
-    most = case.criteria.tvc_amplitude
-    return Column(name=name, unit="rad", meaning=meaning, worst=1, limit=most, tolerance=tolerance * most)
-
-
-def _linear_columns(case: Case) -> list[Column]:
-    read, least = "where the dampings are read", case.criteria.disc_margin
-    fastest = max((float(np.max(tank.frequency)) for tank in case.vehicle.tanks), default=1.0)
-    found = [
-        Column(name="disc_margin", unit="1", meaning=f"signed, {read}", worst=-1, limit=least, tolerance=MARGINAL),
-        Column(
-            name="growth",
-            unit="1/s",
-            meaning=f"greatest growth of a pole {read}",
-            worst=1,
-            limit=0.0,
-            tolerance=NEUTRAL * fastest,
-        ),
-    ]
-    for tank in case.vehicle.tanks:
-        t = tank.name
-        found += [
-            Column(name=f"required_damping.{t}", unit="1", meaning="of the tank, for the disc margin", worst=1),
-            Column(name=f"slosh.{t}", unit="m", meaning="amplitude at which its law gives that", worst=1),
-            _engine(case, f"engine.{t}", "engine amplitude in that oscillation", MARGINAL),
-        ]
-    return found
-
-
-def _nonlinear_columns(case: Case) -> list[Column]:
-    found = []
-    for tank in case.vehicle.tanks:
-        t = tank.name
-        found += [
-            Column(name=f"slosh_amplitude.{t}", unit="m", meaning="settled, half peak to peak", worst=1),
-            Column(name=f"slosh_peak.{t}", unit="m", meaning="greatest of the run", worst=1),
-        ]
-    return [
-        *found,
-        _engine(case, "engine_amplitude", "settled, half peak to peak", STEPPED),
-        Column(name="engine_peak", unit="rad", meaning="greatest of the run", worst=1),
-        Column(name="engine_omega", unit="rad/s", meaning="frequency of the settled engine"),
-    ]
 
 
 def _with_verdict(dispersion: Dispersion, values: Array) -> Array:
@@ -88,17 +34,44 @@ def _with_verdict(dispersion: Dispersion, values: Array) -> Array:
 
 def answered(dispersion: Dispersion, seed: int, first: int, count: int) -> Rows:
     """Return the rows of some cases; what one case raises is that case's alone."""
+    draws = drawn(dispersion, seed, first, count)
+    return _along(dispersion, draws, first) if dispersion.flight else _asked(dispersion, draws, first)
+
+
+def _asked(dispersion: Dispersion, draws: Array, first: int) -> Rows:
+    """Return the rows of one case under draws (N, parameters)."""
+    count = len(draws)
     try:
-        batch = varied(dispersion, drawn(dispersion, seed, first, count))
-        if len(case_shape(dispersion.case)):
-            raise ValueError("a campaign's template is one case; a flight's times are campaigned one by one")
         ask = _linear if isinstance(dispersion.analysis, Linear) else _nonlinear
-        return ask(dispersion, batch, first, count)
+        return ask(dispersion, varied(dispersion, draws), first, count)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:  # pydantic's and our own are ValueErrors
         if count == 1:
             return failed(first, len(columns_of(dispersion)), Status.FAILED, _reason(error))
     half = count // 2
-    return joined([answered(dispersion, seed, first, half), answered(dispersion, seed, first + half, count - half)])
+    return joined([_asked(dispersion, draws[:half], first), _asked(dispersion, draws[half:], first + half)])
+
+
+def _along(dispersion: Dispersion, draws: Array, first: int) -> Rows:
+    """Return the rows of a flight: every moment asked as a case of its own, under the same draws."""
+    each, status = [], np.zeros(len(draws))
+    reasons = [""] * len(draws)
+    for moment in dispersion.flight:
+        own = [k for k, p in enumerate(dispersion.parameters) if stands_in(moment.case, p.input)]
+        at = replace(dispersion, case=moment.case, flight=(), parameters=tuple(dispersion.parameters[k] for k in own))
+        rows = _asked(at, draws[:, own], first)
+        each.append(dict(zip([c.name for c in columns_of(at)[:-1]], rows.values.T, strict=False)))
+        for k in np.flatnonzero(rows.status != Status.OK):
+            status[k] = rows.status[k]
+            reasons[k] = reasons[k] or f"{moment.time:g} s, {moment.phase}: {rows.reasons[k]}"[:MOST_REASON]
+    worst = []
+    for column in worst_columns(dispersion)[:-1]:
+        over = np.stack([found[column.name] for found in each if column.name in found])
+        worst.append(np.max(over, axis=0) if column.worst > 0 else np.min(over, axis=0))  # nan where any is
+    margin = np.stack([found["disc_margin"] for found in each])
+    time = np.array([moment.time for moment in dispersion.flight])
+    when = np.where(np.any(np.isnan(margin), axis=0), np.nan, time[np.argmin(margin, axis=0)])
+    values = np.stack([*worst, when, *(x for found in each for x in found.values())], axis=-1)
+    return Rows(first=first, values=_with_verdict(dispersion, values), status=status, reasons=tuple(reasons))
 
 
 def _reason(error: Exception) -> str:
@@ -128,7 +101,7 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
     )
     found = loop_margins(loop, criteria, crossings=False)
     parts = [np.broadcast_to(found.nichols_disc_margin, count), np.broadcast_to(found.growth, count)]
-    for j, tank in enumerate(case.vehicle.tanks):
+    for j, tank in enumerate(case.vehicle.tanks if how.required else ()):
         required, omega = many_required(loop, criteria, j)
         amplitude = _amplitude(case, j, required, batch.damping_factor[:, j])
         w = np.broadcast_to(tank.frequency, count)

@@ -11,19 +11,21 @@ from typing import Any
 import numpy as np
 
 from sloshpy.batch import single
-from sloshpy.dispersion.answers import answered, columns_of
+from sloshpy.dispersion.answers import answered
 from sloshpy.dispersion.cluster import Cluster, computed_there
-from sloshpy.dispersion.dispersion import Dispersion, drawn
+from sloshpy.dispersion.columns import columns_of
+from sloshpy.dispersion.dispersion import Dispersion, Linear, drawn
 from sloshpy.dispersion.environment import environment
 from sloshpy.dispersion.rows import Column, Rows, Status
 from sloshpy.dispersion.store import HEADER, Layout, Store, identity, open_store, read_header
 from sloshpy.dispersion.streams import MOST_CASES
-from sloshpy.dispersion.varied import find_input
+from sloshpy.dispersion.varied import find_input, stands_in
 from sloshpy.dispersion.workers import computed
 from sloshpy.errors import InputError, Problem
 from sloshpy.units import Array, BoolArray
 
 BLOCK = 1000  # cases
+FLIGHTS = 100  # flights in a block, each of many moments
 CASE_LIMIT = 60.0  # s that one case may take in a process of its own
 MOST_SEED = 2**64
 
@@ -90,7 +92,7 @@ def run_campaign(
         store: folder in which finished blocks are kept. resume: take up the campaign that it holds.
         workers: processes; 0: this process, without guard against a case that hangs or crashes.
         cluster: workers of dask.distributed elsewhere, in place of `workers`.
-        case_limit: s that one case may take, with workers or a cluster.
+        case_limit: s that one case, or each time of a flight, may take, with workers or a cluster.
         watch: told how many cases are done and how many there are.
 
     Raises:
@@ -100,11 +102,12 @@ def run_campaign(
     layout = layout_of(dispersion, cases, seed)
     answer = functools.partial(answered, dispersion, seed)
     tell = watch or (lambda done, count: None)
+    limit = case_limit * len(dispersion.cases)
 
     def blocks(numbers: Iterable[int]) -> Iterator[tuple[int, Rows]]:
         if cluster is not None:
-            return computed_there(cluster, answer, layout, numbers, case_limit)
-        return computed(answer, layout, numbers, workers, case_limit)
+            return computed_there(cluster, answer, layout, numbers, limit)
+        return computed(answer, layout, numbers, workers, limit)
 
     if store is None:
         kept: dict[int, Rows] = {}
@@ -168,7 +171,8 @@ def rerun(dispersion: Dispersion, seed: int, case: int) -> Rows:
 def layout_of(dispersion: Dispersion, cases: int, seed: int) -> Layout:
     """Return how the cases of a campaign lie in blocks."""
     _checked(dispersion, cases, seed)
-    return Layout(cases=cases, block=BLOCK, columns=tuple(c.name for c in columns_of(dispersion)))
+    block = FLIGHTS if dispersion.flight else BLOCK
+    return Layout(cases=cases, block=block, columns=tuple(c.name for c in columns_of(dispersion)))
 
 
 def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
@@ -178,7 +182,7 @@ def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
         "name": dispersion.name,
         "cases": cases,
         "seed": seed,
-        "block": BLOCK,
+        "block": FLIGHTS if dispersion.flight else BLOCK,
         "columns": [c.name for c in columns_of(dispersion)],
         "files": dispersion.digest,
         "configuration": _configuration(dispersion),
@@ -201,6 +205,7 @@ def _configuration(dispersion: Dispersion) -> str:
             dispersion.sampling,
             type(dispersion.analysis).__name__,
             asdict(dispersion.analysis),
+            dispersion.flight,
         )
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -208,13 +213,19 @@ def _configuration(dispersion: Dispersion) -> str:
 
 def _checked(dispersion: Dispersion, cases: int, seed: int) -> None:
     """Refuse what no campaign can be made of."""
-    single(dispersion.case, "a campaign")
+    for case in dispersion.cases:
+        single(case, "a campaign")
+    if dispersion.flight and not isinstance(dispersion.analysis, Linear):
+        raise InputError(
+            _refused("nonlinear", "", "is asked of one case, not of a flight", "ask [linear] of the flight")
+        )
     if not 1 <= cases <= MOST_CASES:
         raise InputError(_refused("cases", str(cases), f"must be 1 to {MOST_CASES}", "write --cases 2000"))
     if not 0 <= seed < MOST_SEED:
         raise InputError(_refused("seed", str(seed), "must be >= 0 and < 2^64", "write --seed 1"))
     for parameter in dispersion.parameters:
-        find_input(dispersion.case, parameter.input)
+        if not any(stands_in(case, parameter.input) for case in dispersion.cases):
+            find_input(dispersion.case, parameter.input)  # says why not
 
 
 def _gathered(dispersion: Dispersion, seed: int, layout: Layout, read: Callable[[int], Rows | None]) -> Campaign:

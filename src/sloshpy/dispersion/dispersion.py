@@ -67,9 +67,13 @@ class Correlation:
 
 @dataclass(frozen=True, kw_only=True)
 class Linear:
-    """Margins and required damping of each case; slosh damping read at an amplitude in m (None: small amplitude)."""
+    """Margins and required damping of each case; slosh damping read at an amplitude in m (None: small amplitude).
+
+    required: whether the required damping is asked for, and slosh and engine at it: most of the work.
+    """
 
     amplitude: float | None = None
+    required: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +90,20 @@ class Nonlinear:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dispersion:
-    """An uncertain case and what is asked of it.
+class Moment:
+    """One time of a flight in s, the phase it lies in, and the single case at it."""
 
+    phase: str
+    time: float
+    case: Case
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dispersion:
+    """An uncertain case, or the moments of an uncertain flight, and what is asked of it.
+
+    case: of a flight, that of its first moment. flight: each draw holds for all moments, and each is assessed; () where
+    there is one case.
     sampling: "random", independent draws, on which statements with a confidence rest; "sobol", evenly spread ones.
     coverage, confidence: of the statement that decides the verdict.
     digest: hash of the files it was read from, "" for none.
@@ -103,6 +118,12 @@ class Dispersion:
     coverage: float = 0.99865
     confidence: float = 0.9
     digest: str = ""
+    flight: tuple[Moment, ...] = ()
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The case, or those of all moments."""
+        return tuple(moment.case for moment in self.flight) or (self.case,)
 
     @property
     def inputs(self) -> tuple[str, ...]:

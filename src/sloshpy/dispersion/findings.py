@@ -19,6 +19,7 @@ from sloshpy.dispersion.statements import (
     violates,
     worse_allowed,
 )
+from sloshpy.dispersion.varied import stands_in
 from sloshpy.dispersion.verdict import VERDICT
 from sloshpy.units import Array, IntArray
 
@@ -155,9 +156,9 @@ def findings(campaign: Campaign) -> Findings:
         if column.limit is not None
     )
     percentiles = {
-        column.name: tuple(_bound(d.sampling, values[:, k], column.worst, p, d.confidence) for p in PERCENTILES)
+        column.name: tuple(bound_of(d.sampling, values[:, k], column.worst, p, d.confidence) for p in PERCENTILES)
         for k, column in enumerate(campaign.columns)
-        if column.worst and column is not VERDICT
+        if column.worst and column is not VERDICT and column.moment is None
     }
     return Findings(
         campaign=campaign, done=count, criteria=criteria, percentiles=percentiles, notes=_notes(campaign, count)
@@ -190,7 +191,8 @@ def _criterion(campaign: Campaign, column: Column, values: Array, draws: Array, 
     )
 
 
-def _bound(sampling: str, values: Array, worst: int, coverage: float, confidence: float) -> Bound | str:
+def bound_of(sampling: str, values: Array, worst: int, coverage: float, confidence: float) -> Bound | str:
+    """Return the bound of a part of all cases, or why so many, or such, draws support none."""
     if sampling != "random":
         return "evenly spread draws carry no confidence"
     try:
@@ -207,12 +209,19 @@ def _notes(campaign: Campaign, count: int) -> tuple[str, ...]:
         notes.append(unsupported(count, d.coverage, d.confidence))
     if not campaign.whole:
         notes.append(f"{count} of {campaign.count} cases: what is missing may be what is slow, and worse")
+    if d.flight:
+        notes.append(f"each draw holds for the whole flight: {len(d.flight)} times, the worst of each number decides")
+        for name in d.inputs:
+            without = dict.fromkeys(m.phase for m in d.flight if not stands_in(m.case, name))
+            if without:
+                notes.append(f"{name} is not in {', '.join(without)}")
     fixed = [p.input for p in d.parameters if p.systematic]
     if fixed:
         notes.append(f"drawn once for all cases, so that every statement holds for this draw: {', '.join(fixed)}")
     inputs = set(d.inputs)
     if inputs & {"vehicle.thrust", "vehicle.mass", "vehicle.drag"}:
-        rigid = [t.name for t in d.case.vehicle.tanks if t.pendulum_length is None]
+        tanks = dict.fromkeys(t.name for c in d.cases for t in c.vehicle.tanks if t.pendulum_length is None)
+        rigid = list(tanks)
         if rigid:
             notes.append(f"the slosh frequency of {', '.join(rigid)} does not follow the acceleration: no pendulum")
     if d.correlations:

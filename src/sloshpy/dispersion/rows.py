@@ -25,6 +25,7 @@ class Column:
 
     A case breaks the criterion where its number is beyond the limit, to the worst side, or not known. So near the limit
     that rounding or the method's step decides, within `tolerance`, it is marginal: on no sure side, and not met.
+    moment: the place in a flight, None for what holds for all of it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Column:
     worst: int = 0
     limit: float | None = None
     tolerance: float = 0.0
+    moment: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

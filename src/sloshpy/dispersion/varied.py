@@ -74,6 +74,15 @@ def find_input(case: Case, text: str) -> Input:
     return found
 
 
+def stands_in(case: Case, text: str) -> bool:
+    """Return whether a case has an input: of a flight's moments, not every one has every tank."""
+    try:
+        find_input(case, text)
+    except ValueError:
+        return False
+    return True
+
+
 def _chosen(case: Case, noun: str, which: str | None) -> tuple[str, ...]:
     """Return the names of the tanks or modes that an input means."""
     there = [x.name for x in (case.vehicle.tanks if noun == "tank" else case.vehicle.flexible_modes)]

@@ -1,7 +1,16 @@
 """An assessment as a page and as a folder of figures."""
 
+from sloshpy.report.campaign_figures import write_campaign_figures
 from sloshpy.report.figures import ReportFigure, figures, write_figures
 from sloshpy.report.flight_figures import write_flight_figures
 from sloshpy.report.report import report_html, write_report
 
-__all__ = ["ReportFigure", "figures", "report_html", "write_figures", "write_flight_figures", "write_report"]
+__all__ = [
+    "ReportFigure",
+    "figures",
+    "report_html",
+    "write_campaign_figures",
+    "write_figures",
+    "write_flight_figures",
+    "write_report",
+]
