@@ -6,10 +6,12 @@ import pytest
 from cases import paper_case, xi
 from sloshpy.autopilot import Actuator, Filter
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
+from sloshpy.dynamics import open_loop
+from sloshpy.dynamics.poles import delay_parts
 from sloshpy.errors import OutsideValidity
-from sloshpy.simulation import simulate, simulate_ensemble
+from sloshpy.simulation import OneMinusCosine, simulate, simulate_ensemble
 from sloshpy.simulation.envelope import in_turn, level_envelope, level_envelopes
-from sloshpy.vehicle import SloshMass
+from sloshpy.vehicle import Aerodynamics, SloshMass
 
 DELAYS = np.array([0.0, 0.05, 0.17])
 
@@ -181,3 +183,43 @@ def test_envelopes_of_many_signals_are_those_of_each():
 def test_a_ring_is_read_from_its_oldest_entry_on():
     ring = np.array([[4.0, 5.0, 3.0], [0.0, 1.0, 7.0]])
     np.testing.assert_array_equal(in_turn(ring, np.array([5, 2])), [[3.0, 4.0, 5.0], [0.0, 1.0, 7.0]])
+
+
+def test_gusts_of_a_batch_are_those_of_single_runs():
+    """Each run with its own peak, start and duration; against the adaptive integrator."""
+    air = Aerodynamics(normal_force_slope=2e5, center_of_pressure=9.0, speed=400.0)
+    sizes, starts, durations = np.array([20.0, 35.0, 0.0]), np.array([10.0, 3.3, 0.0]), np.array([4.0, 1.7, 5.0])
+    for parts in ({}, {"delay": 0.1, "actuator": Actuator(frequency=20.0, damping=0.7)}):
+        case = paper_case(vehicle={"aerodynamics": air}, **parts)
+        found = simulate_ensemble(
+            case.model_copy(
+                update={"vehicle": case.vehicle.model_copy(update={"mass": np.full(3, case.vehicle.mass)})}
+            ),
+            60.0,
+            0.01,
+            gust=OneMinusCosine(size=sizes, start=starts, duration=durations),
+        )
+        for k in range(3):
+            wind = OneMinusCosine(size=sizes[k], start=starts[k], duration=durations[k])
+            run = simulate(case, 60.0, 0.01, step=0.01, wind=wind)
+            assert found.slosh_peak[k, 0] == pytest.approx(np.max(np.abs(run.slosh)), rel=2e-4)
+            assert found.tvc_peak[k] == pytest.approx(np.max(np.abs(run.tvc)), rel=1e-3)
+        assert found.slosh_peak[1, 0] > 1.5 * found.slosh_peak[2, 0]  # the gust is what moves it
+    with pytest.raises(ValueError, match="the case has none"):
+        simulate_ensemble(paper_case(), gust=OneMinusCosine(size=1.0, duration=5.0))
+    for bad in ({"duration": 0.0}, {"duration": 5.0, "start": -1.0}, {"duration": np.nan}):
+        with pytest.raises(ValueError, match="gust"):
+            simulate_ensemble(case, gust=OneMinusCosine(size=1.0, **bad))
+
+
+def test_a_delay_in_more_parts_changes_no_neighbour(monkeypatch):
+    """What one run's delay is approximated in is its own: the same bits beside a longer one."""
+    monkeypatch.setattr("sloshpy.dynamics.poles.PART", 0.36)
+    delays = np.array([0.16, 0.18, 0.15, 0.35])
+    found = simulate_ensemble(paper_case(delay=delays), 60.0, 0.1, step=0.05)
+    parts = delay_parts(open_loop(paper_case(delay=delays), 0.0))
+    assert len(set(parts.tolist())) == 3
+    for k, delay in enumerate(delays):
+        alone = simulate_ensemble(paper_case(delay=delay), 60.0, 0.1, step=0.05)
+        assert alone.slosh_peak[0] == found.slosh_peak[k, 0]
+        assert alone.reason == found.reason[k]

@@ -11,13 +11,13 @@ from sloshpy.dispersion.columns import columns_of, worst_columns
 from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
-from sloshpy.dispersion.varied import Varied, find_input, nominal, stands_in, varied
+from sloshpy.dispersion.varied import RUN, Varied, find_input, nominal, stands_in, varied
 from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
-from sloshpy.simulation import simulate_ensemble
-from sloshpy.simulation.ensemble import FLEXIBLE_STEP, slosh_step
+from sloshpy.simulation import OneMinusCosine, simulate_ensemble
+from sloshpy.simulation.ensemble import FLEXIBLE_STEP, GUST_STEPS, slosh_step
 from sloshpy.stability import loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
@@ -141,13 +141,24 @@ def step_of(dispersion: Dispersion) -> float:
     case = dispersion.case
     slosh = max(float(np.max(tank.frequency)) for tank in case.vehicle.tanks)
     bending = max((float(np.max(mode.frequency)) for mode in case.vehicle.flexible_modes), default=0.0)
-    widest = 1.0
+    widest, run = 1.0, dispersion.analysis
+    shortest = run.gust_duration if isinstance(run, Nonlinear) and blows(dispersion) else np.inf
     for p in dispersion.parameters:
         found = find_input(case, p.input)
+        if found.field == "gust_duration":
+            shortest = p.distribution.low * (shortest if p.factor else 1.0)
         if found.field == "frequency":
             least = min(float(np.min(np.asarray(x))) for x in nominal(case, found))
             widest = max(widest, p.distribution.high / (1.0 if p.factor else least))
-    return float(SPARE * min(slosh_step(case) / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest)
+    own = SPARE * min(slosh_step(case) / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest
+    return float(min(own, shortest / GUST_STEPS))
+
+
+def blows(dispersion: Dispersion) -> bool:
+    """Whether some run may have a gust."""
+    run = dispersion.analysis
+    varies = any(p.input == "run.gust_speed" for p in dispersion.parameters)
+    return isinstance(run, Nonlinear) and (varies or run.gust_speed != 0.0)
 
 
 def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Rows:
@@ -160,7 +171,12 @@ def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) ->
                 raise OutsideValidity(
                     f"the frequency of {one.name} is too high for the campaign's step of {step:.4g} s"
                 )
-    run = simulate_ensemble(case, how.duration, how.initial_slosh, step, batch.damping_factor)
+    own = {name: batch.run.get(name, getattr(how, name)) for name in RUN}
+    start = np.broadcast_to(own["initial_slosh"], count)[:, None]
+    gust = None
+    if blows(dispersion):
+        gust = OneMinusCosine(size=own["gust_speed"], start=own["gust_start"], duration=own["gust_duration"])
+    run = simulate_ensemble(case, how.duration, start, step, batch.damping_factor, gust)
     parts = []
     for j in range(len(case.vehicle.tanks)):
         parts += [run.slosh_amplitude[..., j], run.slosh_peak[..., j]]

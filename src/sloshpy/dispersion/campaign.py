@@ -224,6 +224,8 @@ def _checked(dispersion: Dispersion, cases: int, seed: int) -> None:
     if not 0 <= seed < MOST_SEED:
         raise InputError(_refused("seed", str(seed), "must be >= 0 and < 2^64", "write --seed 1"))
     for parameter in dispersion.parameters:
+        if parameter.input.startswith("run.") and isinstance(dispersion.analysis, Linear):
+            raise InputError(_refused("input", parameter.input, "is asked of a simulation", "ask [nonlinear]"))
         if not any(stands_in(case, parameter.input) for case in dispersion.cases):
             find_input(dispersion.case, parameter.input)  # says why not
 

@@ -17,6 +17,8 @@ SEMIDEFINITE = 1e-10  # an eigenvalue of a correlation matrix this little below 
 class Parameter:
     """One uncertain input, "vehicle.mass", "tank.LOX.frequency", "tank.*.damping" (one draw for all tanks).
 
+    Of a nonlinear campaign also "run.initial_slosh", "run.gust_speed", "run.gust_start", "run.gust_duration".
+
     factor: the draw multiplies the case's value; else it stands in its place, in SI units.
     systematic: drawn once for the whole campaign, the same in every case; else for each case.
     """
@@ -80,13 +82,17 @@ class Linear:
 class Nonlinear:
     """A nonlinear simulation of each case from displaced slosh, extra gain and delay added to the loop.
 
-    duration: s. initial_slosh: m. gain: amplitude ratio. delay: s.
+    duration: s. initial_slosh: m. gain: amplitude ratio. delay: s. gust_speed, gust_start, gust_duration: peak in m/s,
+    start and duration in s of one 1-cosine gust of the lateral wind; none where the peak is 0.
     """
 
     duration: float = 300.0
     initial_slosh: float = 0.01
     gain: float = 1.0
     delay: float = 0.0
+    gust_speed: float = 0.0
+    gust_start: float = 0.0
+    gust_duration: float = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from sloshpy.autopilot import Autopilot
 from sloshpy.batch import case_shape
 from sloshpy.case import Case
-from sloshpy.dispersion.dispersion import Dispersion
+from sloshpy.dispersion.dispersion import Dispersion, Nonlinear
 from sloshpy.units import Array, Quantity, Real
 from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, SloshMass, Vehicle
 
@@ -25,6 +25,12 @@ _NOUNS: dict[str, type[BaseModel]] = {
     "engine": Engine,
     "aerodynamics": Aerodynamics,
     "autopilot": Autopilot,
+}
+RUN = {  # of a nonlinear campaign, not of the case
+    "initial_slosh": Quantity("m", above=0.0, most=100.0),
+    "gust_speed": Quantity("m/s", least=-1e3, most=1e3),
+    "gust_start": Quantity("s", least=0.0, most=1e5),
+    "gust_duration": Quantity("s", above=0.0, most=1e5),
 }
 _ALONE = {"radius"}  # carry axes, but change no answer of a campaign
 
@@ -46,6 +52,11 @@ def find_input(case: Case, text: str) -> Input:
         ValueError: with the rule that the text breaks and the cure, parted by a line end.
     """
     steps = re.fullmatch(r"([a-z_]+)(?:\.(.+))?\.([a-z_]+)", text)
+    if text.startswith("run."):
+        field = text.removeprefix("run.")
+        if field not in RUN:
+            raise ValueError(f"a run has no input {field} that can vary\nit has {', '.join(RUN)}")
+        return Input(noun="run", names=None, field=field, quantity=RUN[field])
     if steps is None or steps.group(1) not in _NOUNS:
         raise ValueError(f'names no input\nwrite "vehicle.mass", "tank.LOX.frequency"; tables: {", ".join(_NOUNS)}')
     noun, which, field = steps.groups()
@@ -108,8 +119,10 @@ def _quantities(noun: type[BaseModel]) -> dict[str, Quantity]:
     return {name: q for name, q in found.items() if name not in _ALONE}
 
 
-def nominal(case: Case, found: Input) -> list[Real | None]:
-    """Return the case's values of an input, one for each tank or mode that it means."""
+def nominal(case: Case, found: Input, run: Nonlinear | None = None) -> list[Real | None]:
+    """Return the values of an input, one for each tank or mode that it means, or that of the run."""
+    if found.noun == "run":
+        return [getattr(run, found.field, None)]
     v = case.vehicle
     holders: dict[str, Any] = {
         "vehicle": [v],
@@ -126,10 +139,14 @@ def nominal(case: Case, found: Input) -> list[Real | None]:
 
 @dataclass(frozen=True, kw_only=True)
 class Varied:
-    """A batch of cases, case numbers on the first axis, and what multiplies each tank's damping, (N, ..., n_tanks)."""
+    """A batch of cases, case numbers on the first axis, and what multiplies each tank's damping, (N, ..., n_tanks).
+
+    run: numbers of the runs that vary, (N,) each.
+    """
 
     case: Case
     damping_factor: Array
+    run: dict[str, Array]
 
 
 def varied(dispersion: Dispersion, draws: Array) -> Varied:
@@ -145,15 +162,19 @@ def varied(dispersion: Dispersion, draws: Array) -> Varied:
     depth = len(case_shape(template))
     factor = np.ones((len(draws), *(1,) * depth, len(template.vehicle.tanks)))
     changes: list[tuple[Input, Callable[[Real], Real]]] = []
+    run: dict[str, Array] = {}
     for k, parameter in enumerate(dispersion.parameters):
         found, draw = find_input(template, parameter.input), draws[:, k].reshape(-1, *(1,) * depth)
-        if found.quantity is None:
+        if found.noun == "run":
+            own = getattr(dispersion.analysis, found.field)
+            run[found.field] = own * draws[:, k] if parameter.factor else draws[:, k]
+        elif found.quantity is None:
             for j, tank in enumerate(template.vehicle.tanks):
                 if found.names is not None and tank.name in found.names:
                     factor[..., j] *= draw
         else:
             changes.append((found, _change(draw, parameter.factor)))
-    return Varied(case=_rebuilt(template, changes), damping_factor=factor)
+    return Varied(case=_rebuilt(template, changes), damping_factor=factor, run=run)
 
 
 def _change(draw: Array, factor: bool) -> Callable[[Real], Real]:

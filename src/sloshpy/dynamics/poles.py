@@ -12,7 +12,7 @@ from sloshpy.dynamics.plant import slosh_damping, without_drift
 from sloshpy.dynamics.response import transfer
 from sloshpy.dynamics.sampled import sampled_loop
 from sloshpy.dynamics.sensed import bordering_row, fed
-from sloshpy.units import Array, ComplexArray
+from sloshpy.units import Array, ComplexArray, IntArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -127,9 +127,14 @@ def _reach(loop: Loop) -> Array:
 
 def _delay_parts(loop: Loop) -> int:
     """Return how many parts the delay of a loop, or of the worst of a batch, is approximated in."""
+    return int(np.max(delay_parts(loop)))
+
+
+def delay_parts(loop: Loop) -> IntArray:
+    """Return how many parts the delay of each loop by itself is approximated in, shape of the batch."""
     if not np.any(loop.autopilot.dead_time):
-        return 1
-    return int(np.clip(np.ceil(np.max(_reach(loop) * loop.autopilot.dead_time) / PART), 1, MOST_PARTS))
+        return np.ones(loop.batch, dtype=int)
+    return np.clip(np.ceil(_reach(loop) * loop.autopilot.dead_time / PART), 1, MOST_PARTS).astype(int)
 
 
 def system_matrix(loop: Loop, closed: bool = True) -> tuple[Array, list[str]]:

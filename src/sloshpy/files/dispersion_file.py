@@ -11,7 +11,7 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Moment, Nonlinear, Parameter
 from sloshpy.dispersion.distribution import Distribution, Triangular, TruncatedNormal, Uniform
-from sloshpy.dispersion.varied import find_input, nominal, stands_in
+from sloshpy.dispersion.varied import RUN, find_input, nominal, stands_in
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.case_file import read_case
 from sloshpy.files.flight_file import read_flight
@@ -35,6 +35,7 @@ _RUN = {
     "initial_slosh": Quantity("m", above=0.0, most=100.0),
     "gain": Quantity("dB", above=1e-5, below=1e5),
     "delay": Quantity("s", least=0.0, most=5.0),
+    **{name: quantity for name, quantity in RUN.items() if name.startswith("gust_")},
 }
 _READ = {"amplitude": Quantity("m", least=0.0, most=1e3)}
 
@@ -69,7 +70,8 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
     else:
         case, digest = _case(page, folder)
     cases = tuple(moment.case for moment in flight) or ((case,) if case is not None else ())
-    parameters = _parameters(page, cases)
+    parameters = _parameters(page, cases, analysis)
+    _check_gust(page, case, analysis, parameters)
     correlations = _correlations(page, parameters)
     found = once(page.found)
     if found or case is None or name is None or coverage is None or confidence is None:
@@ -251,7 +253,7 @@ def _case(page: _Page, folder: FilePath) -> tuple[Case | None, str]:
     return case, " ".join(hashes)
 
 
-def _parameters(page: _Page, cases: tuple[Case, ...]) -> dict[str, Parameter]:
+def _parameters(page: _Page, cases: tuple[Case, ...], analysis: Linear | Nonlinear) -> dict[str, Parameter]:
     """Return the parameters by name; without a case their inputs cannot be looked up."""
     parameters: dict[str, Parameter] = {}
     tables = page.tables("vary")
@@ -259,7 +261,7 @@ def _parameters(page: _Page, cases: tuple[Case, ...]) -> dict[str, Parameter]:
         page.refuse(("vary",), "is missing: nothing varies", 'add [[vary]] with input = "vehicle.mass"')
     taken: dict[str, str] = {}
     for path, table in tables:
-        parameter = _parameter(page, path, table, cases)
+        parameter = _parameter(page, path, table, cases, analysis)
         if parameter is None:
             continue
         fields = list(dict.fromkeys(field for case in cases for field in _fields(case, parameter.input)))
@@ -271,6 +273,18 @@ def _parameters(page: _Page, cases: tuple[Case, ...]) -> dict[str, Parameter]:
     return parameters
 
 
+def _check_gust(page: _Page, case: Case | None, analysis: Linear | Nonlinear, parameters: dict[str, Parameter]) -> None:
+    """Refuse a gust of a case that the wind does not move, and what varies of a gust that there is none of."""
+    if case is None or not isinstance(analysis, Nonlinear):
+        return
+    speed, path = parameters.get("run.gust_speed"), ("nonlinear", "gust_speed")
+    blowing = analysis.gust_speed != 0.0 or (speed is not None and not speed.factor)
+    if blowing and case.vehicle.aerodynamics is None:
+        page.refuse(path, "acts by the aerodynamics, and the case has none", "add [aerodynamics] to the case")
+    elif not blowing and any(name.startswith("run.gust_") for name in parameters):
+        page.refuse(path, "is missing: there is no gust that could vary", 'write gust_speed = "10 m/s"')
+
+
 def _fields(case: Case, text: str) -> list[str]:
     """Return every number of a case that an input means."""
     if not stands_in(case, text):
@@ -279,7 +293,9 @@ def _fields(case: Case, text: str) -> list[str]:
     return [f"{found.noun}.{one}.{found.field}" for one in (found.names if found.names is not None else ("",))]
 
 
-def _parameter(page: _Page, path: Path, table: dict[str, Any], cases: tuple[Case, ...]) -> Parameter | None:
+def _parameter(
+    page: _Page, path: Path, table: dict[str, Any], cases: tuple[Case, ...], analysis: Linear | Nonlinear
+) -> Parameter | None:
     before = len(page.found)
     name = page.text((*path, "input"), None)
     kind = page.choice((*path, "distribution"), tuple(_KINDS), None)
@@ -296,6 +312,10 @@ def _parameter(page: _Page, path: Path, table: dict[str, Any], cases: tuple[Case
         rule, _, cure = str(error).partition("\n")
         page.refuse((*path, "input"), rule, cure)
         return None
+    run = analysis if isinstance(analysis, Nonlinear) else None
+    if found.noun == "run" and run is None:
+        page.refuse((*path, "input"), "is asked of a simulation, and the file asks for margins", "write [nonlinear]")
+        return None
     quantity = found.quantity
     if form == "absolute" and (quantity is None or (quantity.unit == "dB" and kind == "truncated normal")):
         page.refuse((*path, "as"), "is no form for this input", 'write as = "factor"')
@@ -310,7 +330,7 @@ def _parameter(page: _Page, path: Path, table: dict[str, Any], cases: tuple[Case
         key, _, rule = str(error).partition(": ")
         page.refuse((*path, key), rule, "give bounds that hold the distribution")
         return None
-    values = [value for case in with_it for value in nominal(case, find_input(case, name))]
+    values = [value for case in with_it for value in nominal(case, find_input(case, name), run)]
     if form == "absolute" and len({float(v) for v in values if v is not None}) > 1 and len(cases) > 1:
         page.refuse((*path, "as"), "is no form for what changes along the flight", 'write as = "factor"')
         return None

@@ -12,11 +12,13 @@ import numpy as np
 
 from sloshpy.case import Case, continuous
 from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.poles import delay_parts
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation.envelope import in_turn, level_envelopes
 from sloshpy.simulation.march import DIVERGED
 from sloshpy.simulation.modal import Modal, modal_form, packed, paired, parted, unpacked
 from sloshpy.simulation.power_terms import power_terms
+from sloshpy.simulation.signals import OneMinusCosine
 from sloshpy.simulation.simulate import INITIAL_SLOSH
 from sloshpy.units import Array, Real
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 SLOSH_STEP = 0.2  # radians of the fastest slosh: 6e-5 of a limit cycle
 FELT_STEP = 0.07  # where an accelerometer feels the damping force, which then moves the engine: likewise
+GUST_STEPS = 100  # that a gust lasts at least: 5e-4 of a peak that falls into it
 FLEXIBLE_STEP = 0.5  # radians of the fastest bending mode, which must not pass between two samples
 
 
@@ -81,6 +84,7 @@ def simulate_ensemble(
     initial_slosh: Real = INITIAL_SLOSH,
     step: float | None = None,
     damping_factor: Real = 1.0,
+    gust: OneMinusCosine | None = None,
 ) -> Ensemble:
     """Simulate a batch of cases from displaced slosh and measure each one's settled oscillation.
 
@@ -89,8 +93,10 @@ def simulate_ensemble(
         duration: s.
         initial_slosh: m, broadcasts with (..., n_tanks).
         step: s, at most; default: 0.2 radians of the fastest slosh (0.07 with an accelerometer), half a radian of the
-            fastest bending mode. Runs of one step do not depend on which others are beside them, bit for bit.
+            fastest bending mode, a hundredth of the shortest gust. Runs of one step do not depend on which others are
+            beside them, bit for bit.
         damping_factor: multiplies every law of damping, broadcasts with (..., n_tanks).
+        gust: of the lateral wind; its peak in m/s, start >= 0 s and duration broadcast with the batch.
 
     Raises:
         OutsideValidity: a tabulated law, a law with an end of its validity or an actuator limit, which `simulate`
@@ -109,8 +115,10 @@ def simulate_ensemble(
     loop = open_loop(case, factor * constant)
     batch, size = loop.batch, int(np.prod(loop.batch))
     grips = np.broadcast_to(factor[..., None] * coefficient, (*batch, *exponent.shape)).reshape(size, *exponent.shape)
-    h, n = _step(loop, case, step), len(case.vehicle.tanks)
-    found = _marched(modal_form(loop, initial_slosh), grips, exponent, h, int(np.ceil(duration / h)))
+    blows, n = _gusts(case, gust, batch), len(case.vehicle.tanks)
+    h = min(_step(loop, case, step), float(np.min(blows[..., 2], initial=np.inf)) / GUST_STEPS)
+    start = np.broadcast_to(np.asarray(initial_slosh, dtype=float), (*batch, n)).reshape(size, n)
+    found = _each_with_its_own(loop, start, grips, exponent, blows, h, int(np.ceil(duration / h)))
     reason = np.array([next((r for r in row if r), "") for row in found.reason])
     return Ensemble(
         case=case,
@@ -136,7 +144,42 @@ class _Marched:
     reason: list[list[str]]
 
 
-def _marched(modal: Modal, coefficient: Array, exponent: Array, h: float, steps: int) -> _Marched:
+def _gusts(case: Case, gust: OneMinusCosine | None, batch: tuple[int, ...]) -> Array:
+    """Return peak in m/s, start and duration in s of each run's gust, (N, E, 3), E none or one."""
+    size = int(np.prod(batch))
+    if gust is None:
+        return np.zeros((size, 0, 3))
+    if case.vehicle.aerodynamics is None:
+        raise ValueError("wind acts by the aerodynamics, and the case has none")
+    parts = [np.broadcast_to(np.asarray(x, dtype=float), batch) for x in (gust.size, gust.start, gust.duration)]
+    if not (np.all(np.isfinite(parts)) and np.all(parts[1] >= 0.0) and np.all(parts[2] > 0.0)):
+        raise ValueError("a gust needs a finite peak, a start >= 0 s and a duration > 0 s")
+    return np.stack([x.reshape(size) for x in parts], axis=-1)[:, None, :]
+
+
+def _each_with_its_own(
+    loop: Loop, start: Array, coefficient: Array, exponent: Array, gusts: Array, h: float, steps: int
+) -> "_Marched":
+    """Run those loops together whose delay is approximated in so many parts: no bit of one depends on another."""
+    parts = delay_parts(loop).reshape(-1)
+    kinds = [np.flatnonzero(parts == k) for k in np.unique(parts)]
+    done = []
+    for rows in kinds:
+        own = loop if len(kinds) == 1 else loop.take(rows)
+        shape = start[rows].reshape(*own.batch, -1)
+        modal = modal_form(own, shape, gusts.shape[1] > 0)
+        done.append(_marched(modal, coefficient[rows], exponent, gusts[rows], h, steps))
+    back = np.argsort(np.concatenate(kinds), kind="stable")
+    reasons = [reason for one in done for reason in one.reason]
+    return _Marched(
+        amplitude=np.concatenate([one.amplitude for one in done])[back],
+        omega=np.concatenate([one.omega for one in done])[back],
+        peak=np.concatenate([one.peak for one in done])[back],
+        reason=[reasons[k] for k in back],
+    )
+
+
+def _marched(modal: Modal, coefficient: Array, exponent: Array, gusts: Array, h: float, steps: int) -> _Marched:
     """Run the kernel and read the envelopes of what it kept."""
     from sloshpy.simulation.kernel import KEPT, LANES, march  # numba, 0.5 s: only where many runs are wanted
 
@@ -149,7 +192,8 @@ def _marched(modal: Modal, coefficient: Array, exponent: Array, h: float, steps:
     start, flow, push, rows = (x.reshape(*x.shape[:-2], -1) for x in (packed(part, LANES) for part in modes))
     jump, force = packed(modal.jump, LANES), packed(coefficient, LANES)
     results = high, at, low, count, largest, diverged
-    march(start, flow, push, rows, jump, force, exponent, h, steps, DIVERGED, *results)
+    blows = packed(gusts, LANES)
+    march(start, flow, push, rows, jump, force, exponent, blows, h, steps, DIVERGED, *results)
     counts = unpacked(count, size).reshape(-1, 2).astype(int)
     rings = [unpacked(x, size).reshape(-1, KEPT) for x in (high, at, low)]
     last = [in_turn(ring, counts[:, side]) for ring, side in zip(rings, (0, 0, 1), strict=True)]

@@ -29,6 +29,7 @@ def march(
     jump: Array,
     coefficient: Array,
     exponent: Array,
+    gust: Array,
     h: float,
     steps: int,
     far: float,
@@ -46,12 +47,13 @@ def march(
     by whose product with the modes the R = 2 n + 2 numbers are read, in pairs: velocity of each slosh mass, its
     displacement, engine angle, its rate; of each mode real and imaginary part for the first of a pair, then for the
     second, the imaginary part with its sign; jump (G, R, n, L): of these by a unit kick on a tank; coefficient
-    (G, n, K, L), exponent (n, K): force -c |v|^p v; h: s; high, high_at, low (G, S, KEPT, L): last maxima, their times
-    in s, minima; count (G, S, 2, L): how many maxima and minima; largest (G, S, L): greatest magnitude of each signal;
-    diverged (G, L): step at which a signal went beyond `far`, else -1.
+    (G, n, K, L), exponent (n, K): force -c |v|^p v; gust (G, E, 3, L): peak in m/s, start and duration in s of none
+    or one, whose place in push and jump is behind the tanks; h: s; high, high_at, low (G, S, KEPT, L): last maxima,
+    their times in s, minima; count (G, S, 2, L): how many maxima and minima; largest (G, S, L): greatest magnitude of
+    each signal; diverged (G, L): step at which a signal went beyond `far`, else -1.
     """
-    n = push.shape[1]
-    pairs, kick, work = np.zeros((n + 1, 2 * LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
+    n, kicked = coefficient.shape[1], push.shape[1]
+    pairs, kick, work = np.zeros((n + 1, 2 * LANES)), np.zeros((kicked, LANES)), np.zeros((n, LANES))
     read = pairs.reshape(2 * n + 2, LANES)
     value, slope = np.zeros((n + 1, LANES)), np.zeros((n + 1, LANES))
     old, old_slope = np.zeros((n + 1, LANES)), np.zeros((n + 1, LANES))
@@ -60,6 +62,8 @@ def march(
         for k in range(steps + 1):
             _read(pairs, rows[g], state)
             if k > 0:
+                for j in range(n, kicked):
+                    _blow(kick[j], gust[g, j - n], k * h, h)
                 _kicks(kick, work, read, jump[g], coefficient[g], exponent, h)
             else:
                 kick[:] = 0.0  # at rest
@@ -124,10 +128,14 @@ def _kicks(kick: Array, work: Array, read: Array, jump: Array, coefficient: Arra
     One after another, forth and back with half the step, which is symmetric in time. A single square law |v| v is
     followed exactly, v / (1 + h c |v|); others by an exponential at the middle of the kick.
     """
-    n, lanes = kick.shape
+    n, lanes = work.shape
     given = np.empty(lanes)
-    kick[:] = 0.0
+    kick[:n] = 0.0
     work[:] = read[:n]
+    for j in range(n, len(kick)):  # half a gust before the damping and half behind it
+        for i in range(n):
+            for lane in range(lanes):
+                work[i, lane] += 0.5 * jump[i, j, lane] * kick[j, lane]
     square = exponent.shape[1] == 1 and np.all(exponent == 1.0)
     sweeps = 1 if n == 1 else 2
     part = h / sweeps
@@ -150,6 +158,14 @@ def _kicks(kick: Array, work: Array, read: Array, jump: Array, coefficient: Arra
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _blow(kick: Array, gust: Array, time: float, h: float) -> None:
+    """Put into `kick` (L,) what gusts (3, L), (1 - cos) / 2 of their peak, give in a step about a time in s."""
+    for lane in range(LANES):
+        part = (time - gust[1, lane]) / gust[2, lane]
+        kick[lane] = 0.5 * h * gust[0, lane] * (1.0 - np.cos(2.0 * np.pi * part)) if 0.0 < part < 1.0 else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _grip(coefficient: Array, exponent: Array, lane: int, speed: float) -> float:
     """Return h(|v|) of a law's force -h(|v|) v of one lane, the sum of its power terms."""
     grip = 0.0
@@ -164,16 +180,16 @@ def _grip(coefficient: Array, exponent: Array, lane: int, speed: float) -> float
 @numba.njit(cache=True, error_model="numpy")
 def _middle(value: Array, slope: Array, read: Array, kick: Array, jump: Array, h: float) -> None:
     """Put in the signals and slopes of the middle of a kick: half of it, its mean force in the engine's slope."""
-    n, lanes = kick.shape
+    n, lanes = len(value) - 1, kick.shape[1]
     for q in range(n + 1):
         at, rising = n + q, q if q < n else 2 * n + 1
         for lane in range(lanes):
             value[q, lane], slope[q, lane] = read[at, lane], read[rising, lane]
-        for j in range(n):
+        for j in range(len(kick)):
             for lane in range(lanes):
                 value[q, lane] += 0.5 * jump[at, j, lane] * kick[j, lane]
                 slope[q, lane] += 0.5 * jump[rising, j, lane] * kick[j, lane]
-    for j in range(n):
+    for j in range(len(kick)):
         for lane in range(lanes):
             slope[n, lane] += jump[2 * n, j, lane] * kick[j, lane] / h
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.poles import system_matrix
-from sloshpy.simulation.state_rows import engine_row, slosh_rows
+from sloshpy.simulation.state_rows import engine_row, slosh_rows, wind_push
 from sloshpy.units import Array, ComplexArray, Real
 
 FOUR = 4  # modes that the kernel takes at a time
@@ -16,8 +16,9 @@ FOUR = 4  # modes that the kernel takes at a time
 class Modal:
     """Modes of a flattened batch of N loops with n tanks; of a conjugate pair one is kept, its rows doubled.
 
-    rate, start: (N, m). push: (N, n, m), by a unit acceleration of the damping. rows: (N, R, m), R = 2 n + 2: velocity
-    and displacement of each slosh mass, engine angle, its rate. jump: (N, R, n): of these by a unit kick.
+    rate, start: (N, m). push: (N, n, m), by a unit acceleration of the damping, behind the tanks by a wind of 1 m/s.
+    rows: (N, R, m), R = 2 n + 2: velocity and displacement of each slosh mass, engine angle, its rate. jump: (N, R, n):
+    of these by a unit kick.
     m is a multiple of four: modes at rest fill up.
     """
 
@@ -28,14 +29,20 @@ class Modal:
     jump: Array
 
 
-def modal_form(loop: Loop, initial_slosh: Real) -> Modal:
-    """Return the modes of a batch of loops, their start at displaced slosh in m, (..., n_tanks), and what is read."""
+def modal_form(loop: Loop, initial_slosh: Real, gusts: bool = False) -> Modal:
+    """Return the modes of a batch of loops, their start at displaced slosh in m, (..., n_tanks), and what is read.
+
+    gusts: with a lateral wind as the last of what pushes.
+    """
     A, _ = system_matrix(loop)
     batch, N, n = loop.batch, A.shape[-1], len(loop.plant.tanks)
     size = int(np.prod(batch))
     A = A.reshape(size, N, N)
     of = slosh_rows(loop, N)
     push = np.broadcast_to(of.push, (*batch, n, N)).reshape(size, n, N)
+    if gusts:
+        wind = np.broadcast_to(wind_push(loop, N), (*batch, N)).reshape(size, 1, N)
+        push = np.concatenate([push, wind], axis=1)
     # without an actuator the engine is taken before the delay, which moves it in time alone: its approximation passes
     # the kicks of the damping straight on
     prompt = replace(loop, autopilot=loop.autopilot.model_copy(update={"delay": 0.0}))
@@ -43,7 +50,7 @@ def modal_form(loop: Loop, initial_slosh: Real) -> Modal:
     beta = np.broadcast_to(engine_row(shown, N), (*batch, N)).reshape(size, 1, N)
     slosh = np.broadcast_to(np.concatenate([of.velocity, of.displacement]), (size, 2 * n, N))
     read = np.concatenate([slosh, beta, beta @ A], axis=1)
-    given = np.zeros((size, N, 1 + n))
+    given = np.zeros((size, N, 1 + push.shape[1]))
     first = np.broadcast_to(np.asarray(initial_slosh, dtype=float), (*batch, n))
     given[:, loop.plant.slosh_states, 0] = first.reshape(size, n)
     given[:, :, 1:] = np.swapaxes(push, -1, -2)

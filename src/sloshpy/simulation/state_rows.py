@@ -31,17 +31,33 @@ def slosh_rows(loop: Loop, size: int) -> SloshRows:
     for j in range(n):
         displacement[j, p.slosh_states.start + j] = 1.0
         velocity[j, states - half + p.slosh.start + j] = 1.0
-    push = np.zeros((*p.mass.shape[:-2], n, size))
     moved = np.swapaxes(np.linalg.inv(p.mass)[..., p.slosh], -1, -2) * p.tank_mass[..., None]
+    push = _pushed(loop, moved, size)
+    return SloshRows(displacement=displacement, velocity=velocity, push=push)
+
+
+def wind_push(loop: Loop, size: int) -> Array:
+    """Return the rate of change of the state by a lateral wind of 1 m/s, (..., size): it pushes where Z' resists."""
+    p = loop.plant
+    moved = np.asarray(np.linalg.solve(p.mass, p.damping[..., :1]), dtype=float)
+    return _pushed(loop, np.swapaxes(moved, -1, -2), size)[..., 0, :]
+
+
+def _pushed(loop: Loop, moved: Array, size: int) -> Array:
+    """Return states' rates of change by accelerations of the coordinates, (..., k, n), as (..., k, size)."""
+    p = loop.plant
+    half = p.mass.shape[-1]
+    states, count = 2 * half - int(p.velocity_only), moved.shape[-2]
+    push = np.zeros((*moved.shape[:-1], size))
     push[..., states - half : states] = moved
     felt = fed(loop).acceleration
-    if felt is not None:  # an accelerometer feels the damping force at once
+    if felt is not None:  # an accelerometer feels it at once
         B = controller(loop)[1]
         direct = np.einsum("...i,...ji->...j", felt, moved)
         shape = np.broadcast_shapes(push.shape[:-2], direct.shape[:-1], B.shape[:-1])
-        push = np.broadcast_to(push, (*shape, n, size)).copy()
+        push = np.broadcast_to(push, (*shape, count, size)).copy()
         push[..., states:] = direct[..., None] * B[..., None, :]
-    return SloshRows(displacement=displacement, velocity=velocity, push=push)
+    return push
 
 
 def engine_row(loop: Loop, size: int) -> Array:
