@@ -78,7 +78,9 @@ def disperse(
     there = store is not None and holds_campaign(store)
     if there and store is not None:
         header = read_header(store)
-        cases, seed = _agreed("--cases", cases, header["cases"]), _agreed("--seed", seed, header["seed"])
+        grows = resume and cases is not None and cases > header["cases"]
+        cases = cases if grows else _agreed("--cases", cases, header["cases"])
+        seed = _agreed("--seed", seed, header["seed"])
     if case is not None:
         return _one(read, case, seed, store if there else None, json)
     if cases is None:

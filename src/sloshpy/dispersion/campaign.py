@@ -17,7 +17,7 @@ from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.dispersion import Dispersion, Linear, drawn
 from sloshpy.dispersion.environment import environment
 from sloshpy.dispersion.rows import Column, Rows, Status
-from sloshpy.dispersion.store import HEADER, Layout, Store, identity, open_store, read_header
+from sloshpy.dispersion.store import HEADER, Layout, Store, open_store, read_header, sealed
 from sloshpy.dispersion.streams import MOST_CASES
 from sloshpy.dispersion.varied import find_input, stands_in
 from sloshpy.dispersion.workers import computed
@@ -89,7 +89,7 @@ def run_campaign(
     Args:
         dispersion: the uncertain case and what is asked.
         cases: N, 1 or more. seed: root of all streams, 0 <= seed < 2^64.
-        store: folder in which finished blocks are kept. resume: take up the campaign that it holds.
+        store: folder in which finished blocks are kept. resume: take up the campaign that it holds, which may grow.
         workers: processes; 0: this process, without guard against a case that hangs or crashes.
         cluster: workers of dask.distributed elsewhere, in place of `workers`.
         case_limit: s that one case, or each time of a flight, may take, with workers or a cluster.
@@ -143,11 +143,10 @@ def read_campaign(dispersion: Dispersion, folder: str | os.PathLike[str], partia
     header = read_header(Path(folder))
     cases, seed = int(header["cases"]), int(header["seed"])
     layout = layout_of(dispersion, cases, seed)
-    wanted = header_of(dispersion, cases, seed) | {"environment": header["environment"]}
-    wanted["campaign"] = identity(wanted)
+    wanted = sealed(header_of(dispersion, cases, seed) | {"environment": header["environment"]})
     store = Store(folder=Path(folder), header=header, layout=layout)
     if wanted != header:
-        changed = sorted(k for k in {*wanted, *header} - {"campaign"} if wanted.get(k) != header.get(k))
+        changed = sorted(k for k in {*wanted, *header} - {"campaign", "sha256"} if wanted.get(k) != header.get(k))
         raise InputError(
             _refused(
                 "store", str(folder), f"is of another dispersion: {', '.join(changed)} differ", "name its own files"
@@ -188,7 +187,7 @@ def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
         "configuration": _configuration(dispersion),
         "environment": environment(),
     }
-    return header | {"campaign": identity(header)}
+    return sealed(header)
 
 
 def _configuration(dispersion: Dispersion) -> str:

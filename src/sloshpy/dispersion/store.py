@@ -21,6 +21,7 @@ from sloshpy.dispersion.rows import Rows
 from sloshpy.errors import InputError, Problem
 
 HEADER = "campaign.json"
+_SEALS = ("campaign", "sha256")
 _TEMPORARY = re.compile(r"(?:block-\d{8}\.bin|campaign\.json)\.(\d+)\.tmp")
 
 
@@ -53,8 +54,10 @@ class Store:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the store for this process and sweep what a killed one left half-written."""
+        """Hold the store for this process, let it grow to its number of cases, and sweep what a killed one left."""
         with locked(self.folder):
+            if read_header(self.folder) != self.header:
+                _write_header(self.folder, self.header)
             for path in sorted(self.folder.iterdir()):
                 left = _TEMPORARY.fullmatch(path.name)
                 if left is not None and not alive(int(left.group(1))):
@@ -92,8 +95,8 @@ def open_store(folder: str | os.PathLike[str], header: dict[str, Any], layout: L
     """Make a store for a campaign, or take up the one that is there.
 
     Raises:
-        InputError: the folder holds something else, another campaign (each difference is named), or a campaign that
-            was not to be resumed.
+        InputError: the folder holds something else, another campaign (each difference is named), one of more cases, or
+            one that was not to be resumed.
     """
     path = Path(folder)
     store = Store(folder=path, header=header, layout=layout)
@@ -102,6 +105,9 @@ def open_store(folder: str | os.PathLike[str], header: dict[str, Any], layout: L
         different = differences(found, header)
         if different:
             raise InputError(*(_refused(path, f"holds another campaign: {text}", cure) for text, cure in different))
+        if layout.cases < found["cases"]:
+            rule = f"holds a campaign of {found['cases']} cases, more than {layout.cases}"
+            raise InputError(_refused(path, rule, "leave --cases out, or name a new folder"))
         if not resume:
             cure = "say --resume to compute what is missing, --partial to read what is there, or name another folder"
             raise InputError(_refused(path, "holds this campaign already", cure))
@@ -116,8 +122,12 @@ def open_store(folder: str | os.PathLike[str], header: dict[str, Any], layout: L
     if others:
         rule = f"is no store and not empty: {', '.join(sorted(others)[:3])}"
         raise InputError(_refused(path, rule, "name a new folder"))
-    _write_whole(path / HEADER, (json.dumps(header, indent=1, sort_keys=True) + "\n").encode())
+    _write_header(path, header)
     return store
+
+
+def _write_header(path: Path, header: dict[str, Any]) -> None:
+    _write_whole(path / HEADER, (json.dumps(header, indent=1, sort_keys=True) + "\n").encode())
 
 
 def read_header(folder: Path) -> dict[str, Any]:
@@ -129,7 +139,7 @@ def read_header(folder: Path) -> dict[str, Any]:
     header: dict[str, Any] = {}
     try:
         header = json.loads((folder / HEADER).read_text(encoding="utf-8"))
-        whole = isinstance(header, dict) and header.get("campaign") == identity(header)
+        whole = isinstance(header, dict) and header == sealed(header)
     except (OSError, ValueError):
         whole = False
     if not whole:
@@ -137,16 +147,26 @@ def read_header(folder: Path) -> dict[str, Any]:
     return header
 
 
+def sealed(header: dict[str, Any]) -> dict[str, Any]:
+    """Return a header with its identity, which every block carries, and a hash of all of it."""
+    rest = {key: value for key, value in header.items() if key not in _SEALS}
+    rest["campaign"] = identity(rest)
+    return rest | {"sha256": _hashed(rest)}
+
+
 def identity(header: dict[str, Any]) -> str:
-    """Return the hash of a header without itself: every block carries it."""
-    rest = {key: value for key, value in header.items() if key != "campaign"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+    """Return the hash of what makes a campaign this one; not of how many cases it has, which may grow."""
+    return _hashed({key: value for key, value in header.items() if key not in {*_SEALS, "cases"}})
+
+
+def _hashed(part: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(part, sort_keys=True).encode()).hexdigest()
 
 
 def differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str, str]]:
     """Return each entry of two headers that differs, with what to do about it."""
     texts = []
-    for key in sorted({*found, *wanted} - {"campaign"}):
+    for key in sorted({*found, *wanted} - {*_SEALS, "cases"}):
         here, there = found.get(key), wanted.get(key)
         if here != there:
             cure = "run it with what the store was made with, or name a new folder"
