@@ -8,10 +8,11 @@ import pytest
 from uncertain import RUN, factor, stage
 
 from cases import paper_case, random_case, real_case, xi
+from sloshpy.autopilot import Actuator, Filter
 from sloshpy.batch import case_shape
 from sloshpy.damping import PowerDamping
 from sloshpy.dispersion import Dispersion, Linear, Nonlinear, campaign_dataset, drawn, findings, rerun, run_campaign
-from sloshpy.dispersion.answers import answered
+from sloshpy.dispersion.answers import answered, step_of
 from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Status
@@ -20,7 +21,7 @@ from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics import open_loop
 from sloshpy.errors import InputError
 from sloshpy.limit_cycle import predict_limit_cycle
-from sloshpy.simulation import simulate
+from sloshpy.simulation import simulate, simulate_ensemble
 from sloshpy.stability import loop_required_damping, margins, required_damping
 from sloshpy.vehicle import SloshMass
 
@@ -224,3 +225,58 @@ def test_several_tanks_have_columns_of_their_own():
 def test_numbers_that_make_no_campaign_are_refused(cases, seed):
     with pytest.raises(InputError, match="must be"):
         run_campaign(stage(), cases, seed)
+
+
+def lagged(frequency=20.0, damping=0.7, scale=1.0, **more):
+    """The paper's stage with an actuator and a filter of second order whose roots are scaled."""
+    w = 15.0 * scale
+    notch = Filter(numerator=(1.0, 0.4 * w, w * w), denominator=(1.0, 1.4 * w, w * w))
+    actuator = Actuator(frequency=frequency, damping=damping)
+    return paper_case(actuator=actuator, filter=(Filter(numerator=(1.0,), denominator=(0.02, 1.0)), notch), **more)
+
+
+@pytest.mark.parametrize("analysis", [Linear(amplitude=0.8), Nonlinear(duration=60.0, initial_slosh=0.2)])
+def test_actuator_and_filters_vary(analysis):
+    """Each case is that of a file with these numbers in it; a filter's roots move by one factor, its gain does not."""
+    names = ("actuator.frequency", "actuator.damping", "filter.2.frequency", "vehicle.mass")
+    d = stage(analysis, case=lagged(), parameters=tuple(factor(name, 0.1) for name in names))
+    campaign, draws = run_campaign(d, 5, 3), drawn(d, 3, 0, 5)
+    for k, (f, z, scale, mass) in enumerate(draws):
+        case = lagged(20.0 * f, 0.7 * z, scale, vehicle={"mass": 1.6e4 * mass})
+        if isinstance(analysis, Linear):
+            expected = margins(case, damping=0.08)
+            assert campaign.column("disc_margin")[k] == pytest.approx(float(expected.nichols_disc_margin), rel=1e-9)
+        else:
+            step = step_of(d)
+            expected = simulate_ensemble(case, 60.0, 0.2, step=step)
+            assert campaign.column("slosh_peak.LOX")[k] == pytest.approx(float(expected.slosh_peak[0]), rel=1e-9)
+            assert campaign.column("engine_peak")[k] == pytest.approx(float(expected.tvc_peak), rel=1e-9)
+    assert np.array_equal(rerun(d, 3, 4).values[0], campaign.values[4], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("filter.3.frequency", "names no filter"),
+        ("filter.1.damping", "a filter has no input damping"),
+        ("actuator.rate_limit", "this actuator has no input rate_limit"),
+        ("actuator.x.frequency", "too many parts"),
+    ],
+)
+def test_an_input_of_the_lags_that_is_none_is_refused(name, told):
+    with pytest.raises(ValueError, match=told):
+        run_campaign(stage(case=lagged(), parameters=(factor(name, 0.1),)), 3, 1)
+    with pytest.raises(ValueError, match="the case has no"):
+        run_campaign(stage(parameters=(factor("actuator.frequency", 0.1),)), 3, 1)
+
+
+def test_a_transfer_function_of_an_actuator_is_scaled():
+    w = 18.0
+    plain = Actuator(frequency=w, damping=0.6)
+    same = Actuator(numerator=(w * w,), denominator=(1.0, 1.2 * w, w * w))
+    found = [
+        run_campaign(stage(case=paper_case(actuator=a), parameters=(factor("actuator.frequency", 0.2),)), 4, 1)
+        for a in (plain, same)
+    ]
+    np.testing.assert_allclose(found[0].column("disc_margin"), found[1].column("disc_margin"), rtol=1e-9)
+    assert len(set(found[0].column("disc_margin").tolist())) == 4

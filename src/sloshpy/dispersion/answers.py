@@ -11,7 +11,7 @@ from sloshpy.dispersion.columns import columns_of, worst_columns
 from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
-from sloshpy.dispersion.varied import RUN, Varied, find_input, nominal, stands_in, varied
+from sloshpy.dispersion.varied import RUN, Varied, find_input, nominal, stands_in, varied, varies_lags
 from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.response import transfer
@@ -41,6 +41,8 @@ def answered(dispersion: Dispersion, seed: int, first: int, count: int) -> Rows:
 def _asked(dispersion: Dispersion, draws: Array, first: int) -> Rows:
     """Return the rows of one case under draws (N, parameters)."""
     count = len(draws)
+    if count > 1 and varies_lags(dispersion):  # each is another loop
+        return joined([_asked(dispersion, draws[k : k + 1], first + k) for k in range(count)])
     try:
         ask = _linear if isinstance(dispersion.analysis, Linear) else _nonlinear
         return ask(dispersion, varied(dispersion, draws), first, count)

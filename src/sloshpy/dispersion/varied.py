@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from sloshpy.autopilot import Autopilot
+from sloshpy.autopilot import Actuator, Autopilot, Filter
 from sloshpy.batch import case_shape
 from sloshpy.case import Case
 from sloshpy.dispersion.dispersion import Dispersion, Nonlinear
@@ -32,6 +32,8 @@ RUN = {  # of a nonlinear campaign, not of the case
     "gust_start": Quantity("s", least=0.0, most=1e5),
     "gust_duration": Quantity("s", above=0.0, most=1e5),
 }
+_LAGS = {"actuator", "filter"}  # of the autopilot, which carry no axes: such cases are asked one by one
+_SCALE = Quantity("1", meaning="of every pole and zero", above=0.0)
 _ALONE = {"radius"}  # carry axes, but change no answer of a campaign
 
 
@@ -57,6 +59,8 @@ def find_input(case: Case, text: str) -> Input:
         if field not in RUN:
             raise ValueError(f"a run has no input {field} that can vary\nit has {', '.join(RUN)}")
         return Input(noun="run", names=None, field=field, quantity=RUN[field])
+    if steps is not None and steps.group(1) in _LAGS:
+        return _find_lag(case, *steps.groups())
     if steps is None or steps.group(1) not in _NOUNS:
         raise ValueError(f'names no input\nwrite "vehicle.mass", "tank.LOX.frequency"; tables: {", ".join(_NOUNS)}')
     noun, which, field = steps.groups()
@@ -83,6 +87,37 @@ def find_input(case: Case, text: str) -> Input:
     if any(v is None for v in nominal(case, found)):
         raise ValueError("is not given in the case\ngive it there first")
     return found
+
+
+def _find_lag(case: Case, noun: str, which: str | None, field: str) -> Input:
+    """Return an actuator's frequency or damping, or the frequency of filters: a factor of all their poles and zeros."""
+    pilot = case.autopilot
+    if noun == "filter":
+        there = [str(k + 1) for k in range(len(pilot.filter))]
+        if not there:
+            raise ValueError("the case has no [[autopilot.filter]]\nadd one to the case or leave the input out")
+        if which not in {*there, "*"}:
+            raise ValueError('names no filter of the case\nwrite "filter.1.frequency", or "filter.*.frequency" for all')
+        if field != "frequency":
+            raise ValueError(f"a filter has no input {field} that can vary\nit has frequency")
+        return Input(noun=noun, names=tuple(there) if which == "*" else (str(which),), field=field, quantity=_SCALE)
+    if which is not None:
+        raise ValueError(f'has too many parts\nwrite "{noun}.{field}"')
+    if pilot.actuator is None:
+        raise ValueError("the case has no actuator\nadd it to the case or leave the input out")
+    known = ("frequency",) if pilot.actuator.frequency is None else ("frequency", "damping")
+    if field not in known:
+        raise ValueError(f"this actuator has no input {field} that can vary\nit has {', '.join(known)}")
+    own = _SCALE if pilot.actuator.frequency is None else _ACTUATOR[field]
+    return Input(noun=noun, names=None, field=field, quantity=own)
+
+
+_ACTUATOR = {"frequency": Quantity("rad/s", above=0.0), "damping": Quantity("1", above=0.0, most=10.0)}
+
+
+def varies_lags(dispersion: Dispersion) -> bool:
+    """Whether actuator or filters vary."""
+    return any(p.input.partition(".")[0] in _LAGS for p in dispersion.parameters)
 
 
 def stands_in(case: Case, text: str) -> bool:
@@ -123,10 +158,13 @@ def nominal(case: Case, found: Input, run: Nonlinear | None = None) -> list[Real
     """Return the values of an input, one for each tank or mode that it means, or that of the run."""
     if found.noun == "run":
         return [getattr(run, found.field, None)]
+    if found.quantity is _SCALE:
+        return [1.0 for _ in found.names or ("",)]
     v = case.vehicle
     holders: dict[str, Any] = {
         "vehicle": [v],
         "autopilot": [case.autopilot],
+        "actuator": [case.autopilot.actuator],
         "engine": [v.engine],
         "aerodynamics": [v.aerodynamics],
         "tank": [t for t in v.tanks if found.names and t.name in found.names],
@@ -153,7 +191,8 @@ def varied(dispersion: Dispersion, draws: Array) -> Varied:
     """Return the case with draws (N, parameters) in place of its inputs; each noun proves itself as from a file.
 
     Axes of the template, such as times of a flight, follow the case numbers. Where the thrust varies and the vectored
-    thrust does not, it keeps its part of the thrust: that is how the engines are arranged.
+    thrust does not, it keeps its part of the thrust: that is how the engines are arranged. Draws of actuator or filters
+    are put in one at a time, N = 1.
 
     Raises:
         ValidationError: some draw makes no sound vehicle or autopilot.
@@ -207,5 +246,33 @@ def _rebuilt(case: Case, changes: list[tuple[Input, Callable[[Real], Real]]]) ->
     for name in ("engine", "aerodynamics"):
         if (part := getattr(v, name)) is not None:
             given[name] = type(part)(**fields(part, name))
-    autopilot = Autopilot(**fields(case.autopilot, "autopilot"))
+    autopilot = _with_lags(Autopilot(**fields(case.autopilot, "autopilot")), changes)
     return Case(name=case.name, vehicle=Vehicle(**given), autopilot=autopilot, criteria=case.criteria)
+
+
+def _with_lags(pilot: Autopilot, changes: list[tuple[Input, Callable[[Real], Real]]]) -> Autopilot:
+    """Return an autopilot whose actuator and filters are those of one draw."""
+    given: dict[str, Any] = {k: getattr(pilot, k) for k in Autopilot.model_fields}
+    filters, actuator = list(pilot.filter), pilot.actuator
+    for found, change in changes:
+        if found.noun == "filter":
+            for name in found.names or ():
+                k = int(name) - 1
+                filters[k] = Filter(**_scaled(filters[k], float(np.squeeze(change(1.0)))))
+        elif found.noun == "actuator" and actuator is not None:
+            own = {k: getattr(actuator, k) for k in Actuator.model_fields}
+            if found.quantity is _SCALE:
+                own |= _scaled(actuator, float(np.squeeze(change(1.0))))
+            else:
+                own[found.field] = float(np.squeeze(change(own[found.field])))
+            actuator = Actuator(**own)
+    return Autopilot(**(given | {"filter": tuple(filters), "actuator": actuator}))
+
+
+def _scaled(lag: Filter | Actuator, factor: float) -> dict[str, tuple[float, ...]]:
+    """Return numerator and denominator with every root times a factor: s becomes s / factor."""
+    found = {}
+    for part in ("numerator", "denominator"):
+        c = getattr(lag, part)
+        found[part] = tuple(x / factor ** (len(c) - 1 - k) for k, x in enumerate(c))
+    return found
