@@ -7,9 +7,10 @@ damping dispersed. From each run: peak and settled amplitude of slosh and engine
     OPENBLAS_NUM_THREADS=1 python benchmarks/campaign.py --whole    # a million runs with memory, 100000 linear, scaling
 
 The peer integrates the same equations, the delay by the same all-pass approximation of order 8 (no integrator of SciPy
-has a delay line), with solve_ivp, LSODA, rtol 1e-6; it is timed on a few cases and scaled. Accuracy of both is
-the settled slosh amplitude against solve_ivp with DOP853, rtol 1e-10, landing on nothing in particular, and of sloshpy
-also against `simulate`, which has a true delay line. CPU seconds of one process: other loads disturb them less.
+has a delay line), with solve_ivp, LSODA, rtol 1e-6; it is timed on a few cases and scaled. Accuracy of both is the
+settled slosh amplitude against solve_ivp with DOP853, rtol 1e-10, landing on nothing in particular, and of sloshpy also
+against `simulate`, which has a true delay line. `campaign_peers.py` times heyoka and diffrax. CPU seconds of one
+process: other loads on the machine disturb them less.
 """
 
 import argparse
