@@ -3,8 +3,8 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/campaign_peers.py
 
 Both are explicit integrators that know no kink of |v| v. heyoka's Taylor step is limited, since it steps over the kink
-else; its runs are one after another (its batches may be some times as fast). diffrax (Tsit5, rtol 1e-6) has 64 runs side
-by side in double precision; XLA_FLAGS="--xla_cpu_multi_thread_eigen=false" keeps it to one thread. Of both the
+else; its runs are one after another (its batches may be some times as fast). diffrax (Tsit5, rtol 1e-6) has 64 runs
+side by side in double precision; XLA_FLAGS="--xla_cpu_multi_thread_eigen=false" keeps it to one thread. Of both the
 integration alone is timed, of sloshpy all. Neither is a dependency.
 """
 

@@ -18,7 +18,16 @@ from rich.text import Text
 
 from sloshpy.cli.app import app
 from sloshpy.cli.options import quantity, refused
-from sloshpy.dispersion import Cluster, Dispersion, findings, read_campaign, rerun, run_campaign, write_campaign
+from sloshpy.dispersion import (
+    Campaign,
+    Cluster,
+    Dispersion,
+    findings,
+    read_campaign,
+    rerun,
+    run_campaign,
+    write_campaign,
+)
 from sloshpy.dispersion.campaign import Watch, holds_campaign
 from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.dispersion import drawn
@@ -43,7 +52,9 @@ def disperse(
     tls_ca: Annotated[Path | None, Parameter(help="PEM file of its authority", env_var="SLOSHPY_TLS_CA")] = None,
     tls_cert: Annotated[Path | None, Parameter(help="PEM file of our certificate", env_var="SLOSHPY_TLS_CERT")] = None,
     tls_key: Annotated[Path | None, Parameter(help="PEM file of our key", env_var="SLOSHPY_TLS_KEY")] = None,
-    case_limit: Annotated[str, Parameter(help="longest time that one case may take")] = "60 s",
+    case_limit: Annotated[
+        str, Parameter(help="longest time that one case, or each time of a flight, may take")
+    ] = "60 s",
     export: Annotated[Path | None, Parameter(help="write every draw and answer as NetCDF, .nc, or Zarr, .zarr")] = None,
     figures: Annotated[
         Path | None, Parameter(help="of a flight: percentiles over time, a figure and a table of each, in this folder")
@@ -56,22 +67,11 @@ def disperse(
     refused, 130 interrupted.
     """
     limit = quantity("--case-limit", case_limit, "s")
-    if not 0.1 <= limit <= 1e5:
-        raise refused("--case-limit", case_limit, "must be 0.1 s to 1e5 s", 'write "60 s"')
     count = len(os.sched_getaffinity(0)) if workers is None else workers
     if cluster is not None and workers is not None:
         raise refused("--workers", workers, "stands beside --cluster, which has its own", "leave one of them out")
     machines = None if cluster is None else Cluster(address=cluster, ca=tls_ca, cert=tls_cert, key=tls_key)
-    if not 1 <= count <= 512:
-        raise refused("--workers", workers, "must be 1 to 512", "leave it out for all cores")
-    if store is None and (resume or partial):
-        raise refused("--resume" if resume else "--partial", "", "needs --store", "name the folder of the campaign")
-    if resume and partial:
-        raise refused("--partial", "", "stands beside --resume", "finish the campaign or read it as it is")
-    if export is not None:
-        check_export(export)
-    if figures is not None and figures.exists() and not figures.is_dir():
-        raise refused("--figures", figures, "is a file", "name a folder")
+    _check_options(limit, count, store, resume, partial, export, figures)
     read = read_dispersion(file)
     if figures is not None and not read.flight:
         raise refused("--figures", figures, "needs a flight: one case has no time", "leave it out")
@@ -110,16 +110,45 @@ def disperse(
             kept = "nothing is kept without --store" if store is None else "what is finished is kept; --resume goes on"
             print(f"interrupted: {kept}", file=sys.stderr)
             return 130
-    found = findings(campaign)
+    return _told(campaign, export, figures, json)
+
+
+def _check_options(
+    limit: float,
+    workers: int,
+    store: Path | None,
+    resume: bool,
+    partial: bool,
+    export: Path | None,
+    figures: Path | None,
+) -> None:
+    """Refuse options that make no campaign, before anything is read."""
+    if not 0.1 <= limit <= 1e5:
+        raise refused("--case-limit", f"{limit:g} s", "must be 0.1 s to 1e5 s", 'write "60 s"')
+    if not 1 <= workers <= 512:
+        raise refused("--workers", workers, "must be 1 to 512", "leave it out for all cores")
+    if store is None and (resume or partial):
+        raise refused("--resume" if resume else "--partial", "", "needs --store", "name the folder of the campaign")
+    if resume and partial:
+        raise refused("--partial", "", "stands beside --resume", "finish the campaign or read it as it is")
+    if export is not None:
+        check_export(export)
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise refused("--figures", figures, "is a file", "name a folder")
+
+
+def _told(campaign: Campaign, export: Path | None, figures: Path | None, json: bool) -> int:
+    """Print what a campaign says, write what was asked for, and return the exit status."""
+    found, aside = findings(campaign), sys.stderr if json else sys.stdout
     print(found.to_json() if json else found)
     if export is not None:
         write_campaign(campaign, export)
-        print(f"table: {export}", file=sys.stderr if json else sys.stdout)
+        print(f"table: {export}", file=aside)
     if figures is not None:
         from sloshpy.report import write_campaign_figures  # matplotlib: only when something is drawn
 
         for path in write_campaign_figures(campaign, figures):
-            print(f"{'table' if path.suffix == '.csv' else 'figure'}: {path}", file=sys.stderr if json else sys.stdout)
+            print(f"{'table' if path.suffix == '.csv' else 'figure'}: {path}", file=aside)
     return 0 if found.verdict == "pass" else 1
 
 
