@@ -52,9 +52,7 @@ def disperse(
     tls_ca: Annotated[Path | None, Parameter(help="PEM file of its authority", env_var="SLOSHPY_TLS_CA")] = None,
     tls_cert: Annotated[Path | None, Parameter(help="PEM file of our certificate", env_var="SLOSHPY_TLS_CERT")] = None,
     tls_key: Annotated[Path | None, Parameter(help="PEM file of our key", env_var="SLOSHPY_TLS_KEY")] = None,
-    case_limit: Annotated[
-        str, Parameter(help="longest time that one case, or each time of a flight, may take")
-    ] = "60 s",
+    case_limit: Annotated[str, Parameter(help="longest time that one case, or one time of a flight, takes")] = "60 s",
     export: Annotated[Path | None, Parameter(help="write every draw and answer as NetCDF, .nc, or Zarr, .zarr")] = None,
     figures: Annotated[
         Path | None, Parameter(help="of a flight: percentiles over time, a figure and a table of each, in this folder")
