@@ -38,9 +38,9 @@ class AgainstTime:
         k = shown[-1] if shown else 0
         at = int(np.argmax(worst * rows[k]))
         sign = ">=" if worst < 0 else "<="
-        return (
-            f"{100 * self.coverage[k]:g} % {of}: {name} {sign} {rows[k, at]:.4g} at the worst time, {self.time[at]:g} s"
-        )
+        part = f"{100 * self.coverage[k]:g} % {of}"
+        sure = f", at {100 * self.campaign.dispersion.confidence:g} % confidence" if shown else ""
+        return f"{part}{sure}: {name} {sign} {rows[k, at]:.4g} at the worst time, {self.time[at]:g} s"
 
     def columns(self) -> dict[str, object]:
         """Return the columns of a table, units in their names."""
