@@ -98,8 +98,8 @@ def cycles_to_settle(omega: float, rate: float, constants: float) -> float:
 
 
 def simulated(case: Case, start: Array, omega: float, cycles: float, halves: int = 0) -> Ensemble:
-    """Simulate so many cycles at the kernel's own step, halved as often as told."""
-    step = SLOSH_STEP / max(float(t.frequency) for t in case.vehicle.tanks) / 2**halves
+    """Simulate so many cycles at half the kernel's own step, halved again as often as told."""
+    step = 0.5 * SLOSH_STEP / max(float(t.frequency) for t in case.vehicle.tanks) / 2**halves
     return simulate_ensemble(case, cycles * 2.0 * np.pi / omega, start, step=step)
 
 

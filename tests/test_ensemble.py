@@ -6,9 +6,12 @@ import pytest
 from cases import paper_case, xi
 from sloshpy.autopilot import Actuator, Filter
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
+from sloshpy.dynamics import open_loop
+from sloshpy.dynamics.poles import delay_parts
 from sloshpy.errors import OutsideValidity
-from sloshpy.simulation import simulate, simulate_ensemble
-from sloshpy.vehicle import SloshMass
+from sloshpy.simulation import OneMinusCosine, simulate, simulate_ensemble
+from sloshpy.simulation.envelope import in_turn, level_envelope, level_envelopes
+from sloshpy.vehicle import Aerodynamics, SloshMass
 
 DELAYS = np.array([0.0, 0.05, 0.17])
 
@@ -124,9 +127,99 @@ def test_a_damping_factor_is_a_law_of_its_own_in_each_run():
 
 
 def test_a_run_has_the_same_bits_alone_and_in_a_batch():
-    stations = np.linspace(8.0, 10.0, 11)
+    """In the first group of the kernel, in the second, which is filled up, and with other neighbours."""
+    stations = np.linspace(8.0, 10.0, 71)
     found = simulate_ensemble(paper_case(tank={"station": stations}, delay=0.05), 100.0, step=0.05)
-    for k in (0, 7, 10):
+    for k in (0, 7, 63, 64, 70):
         alone = simulate_ensemble(paper_case(tank={"station": stations[k]}, delay=0.05), 100.0, step=0.05)
         assert alone.slosh_peak[0] == found.slosh_peak[k, 0]
         assert alone.tvc_peak == found.tvc_peak[k]
+        assert alone.reason == found.reason[k]
+    turned = simulate_ensemble(paper_case(tank={"station": stations[::-1]}, delay=0.05), 100.0, step=0.05)
+    np.testing.assert_array_equal(turned.slosh_peak[::-1], found.slosh_peak)
+    np.testing.assert_array_equal(turned.tvc_amplitude[::-1], found.tvc_amplitude)
+
+
+def test_the_step_of_the_kernel_leaves_less_than_a_ten_thousandth_of_a_cycle():
+    """Against a step of a fortieth; with an accelerometer, to which the damping force goes at once, too."""
+    lag = Actuator(frequency=20.0, damping=0.7)
+    felt = {"vehicle": {"accelerometer_station": 12.0}, "accelerometer_gain": 0.01, "actuator": lag}
+    for parts in ({}, {"delay": 0.17}, felt):
+        own, fine = (simulate_ensemble(paper_case(**parts), 300.0, 0.2, step=h) for h in (None, 0.0025))
+        assert own.settled
+        for name in ("slosh_amplitude", "tvc_amplitude", "slosh_omega", "slosh_peak", "tvc_peak"):
+            np.testing.assert_allclose(getattr(own, name), getattr(fine, name), rtol=1e-4, err_msg=f"{name} {parts}")
+
+
+def test_envelopes_of_many_signals_are_those_of_each():
+    """And the sums in one order: bit for bit. A straight line through logarithms is NumPy's."""
+    k = np.arange(21.0)
+    shapes = {
+        "": 1.0 + 0.0 * k,
+        "changes by": np.exp(0.01 * k),
+        "cycles differ": 1.0 + 0.01 * np.cos(0.4 * np.pi * (k - 10.5)),
+        "no single": np.where(k == 5.0, -1.0, 1.0),
+        "drifts": 1.0 + 8e-5 * k + 2e-7 * k**2,
+        "from its end": 1.0 - 5e-3 * np.exp(-0.02 * k),
+    }
+    high = np.array([*shapes.values(), 1e-12 * np.ones(21), np.ones(21)])
+    time = np.broadcast_to(3.0 * k, high.shape)
+    found = level_envelopes(time, high, -high, np.array([50] * 7 + [20]))
+    for text, reason in zip(shapes, found.reason, strict=False):
+        assert text in reason
+        assert (text == "") == (reason == "")
+    assert found.reason[-2:] == ("", "unconverged: only 20 cycles, needs more than 20")
+    assert found.amplitude[0] == 1.0
+    assert found.amplitude[-2] == 0.0
+    assert np.isnan(found.omega[-2])
+    assert found.omega[0] == pytest.approx(2.0 * np.pi / 3.0, rel=1e-14)
+    slope = np.polyfit(np.arange(20), np.log(high[1, 1:]), 1)[0]
+    assert f"{100.0 * np.expm1(10.0 * slope):+.3g} %" in found.reason[1]
+    for one in range(7):
+        alone = level_envelope(time[one], high[one], -high[one])
+        assert (alone.reason, repr(alone.amplitude)) == (found.reason[one], repr(float(found.amplitude[one])))
+
+
+def test_a_ring_is_read_from_its_oldest_entry_on():
+    ring = np.array([[4.0, 5.0, 3.0], [0.0, 1.0, 7.0]])
+    np.testing.assert_array_equal(in_turn(ring, np.array([5, 2])), [[3.0, 4.0, 5.0], [0.0, 1.0, 7.0]])
+
+
+def test_gusts_of_a_batch_are_those_of_single_runs():
+    """Each run with its own peak, start and duration; against the adaptive integrator."""
+    air = Aerodynamics(normal_force_slope=2e5, center_of_pressure=9.0, speed=400.0)
+    sizes, starts, durations = np.array([20.0, 35.0, 0.0]), np.array([10.0, 3.3, 0.0]), np.array([4.0, 1.7, 5.0])
+    for parts in ({}, {"delay": 0.1, "actuator": Actuator(frequency=20.0, damping=0.7)}):
+        case = paper_case(vehicle={"aerodynamics": air}, **parts)
+        found = simulate_ensemble(
+            case.model_copy(
+                update={"vehicle": case.vehicle.model_copy(update={"mass": np.full(3, case.vehicle.mass)})}
+            ),
+            60.0,
+            0.01,
+            gust=OneMinusCosine(size=sizes, start=starts, duration=durations),
+        )
+        for k in range(3):
+            wind = OneMinusCosine(size=sizes[k], start=starts[k], duration=durations[k])
+            run = simulate(case, 60.0, 0.01, step=0.01, wind=wind)
+            assert found.slosh_peak[k, 0] == pytest.approx(np.max(np.abs(run.slosh)), rel=2e-4)
+            assert found.tvc_peak[k] == pytest.approx(np.max(np.abs(run.tvc)), rel=1e-3)
+        assert found.slosh_peak[1, 0] > 1.5 * found.slosh_peak[2, 0]  # the gust is what moves it
+    with pytest.raises(ValueError, match="the case has none"):
+        simulate_ensemble(paper_case(), gust=OneMinusCosine(size=1.0, duration=5.0))
+    for bad in ({"duration": 0.0}, {"duration": 5.0, "start": -1.0}, {"duration": np.nan}):
+        with pytest.raises(ValueError, match="gust"):
+            simulate_ensemble(case, gust=OneMinusCosine(size=1.0, **bad))
+
+
+def test_a_delay_in_more_parts_changes_no_neighbour(monkeypatch):
+    """What one run's delay is approximated in is its own: the same bits beside a longer one."""
+    monkeypatch.setattr("sloshpy.dynamics.poles.PART", 0.36)
+    delays = np.array([0.16, 0.18, 0.15, 0.35])
+    found = simulate_ensemble(paper_case(delay=delays), 60.0, 0.1, step=0.05)
+    parts = delay_parts(open_loop(paper_case(delay=delays), 0.0))
+    assert len(set(parts.tolist())) == 3
+    for k, delay in enumerate(delays):
+        alone = simulate_ensemble(paper_case(delay=delay), 60.0, 0.1, step=0.05)
+        assert alone.slosh_peak[0] == found.slosh_peak[k, 0]
+        assert alone.reason == found.reason[k]

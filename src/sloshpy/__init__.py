@@ -20,7 +20,8 @@ The public names, in reading order; each is loaded when it is first used.
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures,
                  write_flight_report, growth_along, growth_across, simulate_flight, check_growth; Phase, Trajectory
-    dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, write_campaign
+    dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, against_time,
+                 write_campaign, plot_against_time, write_campaign_figures; Cluster
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
     exchange     to_control, response_to_control, from_control
@@ -123,7 +124,9 @@ _ROOMS = {
         "read_campaign",
         "rerun",
         "findings",
+        "against_time",
         "write_campaign",
+        "Cluster",
     ),
     "assess": ("assess", "Assessment"),
     "flight": (
@@ -138,6 +141,7 @@ _ROOMS = {
         "check_growth",
     ),
     "plots": (
+        "plot_against_time",
         "plot_bode",
         "plot_damping_law",
         "plot_damping_sweep",
@@ -164,7 +168,13 @@ _ROOMS = {
         "plot_tvc_gain",
         "save_figure",
     ),
-    "report": ("write_report", "write_figures", "write_flight_figures", "write_flight_report"),
+    "report": (
+        "write_report",
+        "write_figures",
+        "write_flight_figures",
+        "write_flight_report",
+        "write_campaign_figures",
+    ),
     "errors": ("InputError", "OutsideValidity"),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}

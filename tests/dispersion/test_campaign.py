@@ -1,23 +1,27 @@
 """A campaign's rows are those of the verbs and of a case alone, bit for bit; lost cases are listed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from uncertain import RUN, factor, stage
 
 from cases import paper_case, random_case, real_case, xi
+from sloshpy.autopilot import Actuator, Filter
 from sloshpy.batch import case_shape
 from sloshpy.damping import PowerDamping
 from sloshpy.dispersion import Dispersion, Linear, Nonlinear, campaign_dataset, drawn, findings, rerun, run_campaign
-from sloshpy.dispersion.answers import answered, columns_of
+from sloshpy.dispersion.answers import answered, step_of
+from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.many_required import many_required
 from sloshpy.dispersion.rows import Status
 from sloshpy.dispersion.varied import varied
+from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics import open_loop
 from sloshpy.errors import InputError
 from sloshpy.limit_cycle import predict_limit_cycle
-from sloshpy.simulation import simulate
+from sloshpy.simulation import simulate, simulate_ensemble
 from sloshpy.stability import loop_required_damping, margins, required_damping
 from sloshpy.vehicle import SloshMass
 
@@ -137,6 +141,37 @@ def test_verdicts_rest_on_what_so_many_cases_can_show():
     assert findings(run_campaign(poor, 40, 1)).verdict == "fail"
 
 
+def test_the_verdict_on_a_case_takes_every_criterion_and_no_sure_side_is_no_pass():
+    """By plain comparisons, one case after another; a case is marginal only where nothing else is surely broken."""
+    d = stage(Linear(amplitude=0.47))
+    columns, limit, rows = columns_of(d), d.case.criteria.tvc_amplitude, answered(d, 5, 0, 200)
+    assert [c.name for c in columns][-1] == "verdict"
+    good = (rows.values[:, 0] >= 1.0) & (rows.values[:, 1] <= 0.0) & (rows.values[:, 4] <= limit)
+    assert 20 < np.sum(good) < 180
+    assert np.array_equal(rows.values[:, -1], np.where(good, 1.0, -1.0))  # none happens to be marginal
+    table = np.array(
+        [
+            [1.0 + 9e-7, -0.1, 0.04, 0.4, 0.5 * limit],  # 0: within 1e-6 of the disc margin
+            [1.0 + 1.1e-6, -0.1, 0.04, 0.4, 0.5 * limit],
+            [1.0 - 9e-7, -0.1, 0.04, 0.4, 0.5 * limit],
+            [1.0, -0.1, 0.04, 0.4, 1.1 * limit],  # breaks another
+            [1.5, 1e-9, 0.04, 0.4, 0.5 * limit],
+            [1.5, 1e-8, 0.04, 0.4, 0.5 * limit],
+            [1.5, -0.1, 0.04, np.inf, np.inf],
+            [np.nan] * 5,
+        ]
+    )
+    expected = [0.0, 1.0, 0.0, -1.0, 0.0, -1.0, -1.0, np.nan]
+    np.testing.assert_array_equal(verdicts(columns[:-1], table), expected)
+    whole = run_campaign(d, 8, 5)
+    found = findings(replace(whole, values=np.column_stack([table, expected])))
+    counts = {c.column.name: (c.broken, c.marginal) for c in found.criteria}
+    assert counts == {"disc_margin": (4, 3), "growth": (3, 1), "engine.LOX": (3, 0), "verdict": (7, 3)}
+    assert "every criterion together: not shown; broken by 7 of 8, 3 of them marginal" in str(found)
+    assert json.loads(found.to_json())["criteria"][-1]["marginal"] == 3
+    assert set(found.criteria[-1].worst) == {3, 5, 6, 7, 0}
+
+
 def test_what_is_printed_and_written_holds_every_case(tmp_path):
     campaign = run_campaign(stage(), 30, 2)
     found = findings(campaign)
@@ -190,3 +225,58 @@ def test_several_tanks_have_columns_of_their_own():
 def test_numbers_that_make_no_campaign_are_refused(cases, seed):
     with pytest.raises(InputError, match="must be"):
         run_campaign(stage(), cases, seed)
+
+
+def lagged(frequency=20.0, damping=0.7, scale=1.0, **more):
+    """The paper's stage with an actuator and a filter of second order whose roots are scaled."""
+    w = 15.0 * scale
+    notch = Filter(numerator=(1.0, 0.4 * w, w * w), denominator=(1.0, 1.4 * w, w * w))
+    actuator = Actuator(frequency=frequency, damping=damping)
+    return paper_case(actuator=actuator, filter=(Filter(numerator=(1.0,), denominator=(0.02, 1.0)), notch), **more)
+
+
+@pytest.mark.parametrize("analysis", [Linear(amplitude=0.8), Nonlinear(duration=60.0, initial_slosh=0.2)])
+def test_actuator_and_filters_vary(analysis):
+    """Each case is that of a file with these numbers in it; a filter's roots move by one factor, its gain does not."""
+    names = ("actuator.frequency", "actuator.damping", "filter.2.frequency", "vehicle.mass")
+    d = stage(analysis, case=lagged(), parameters=tuple(factor(name, 0.1) for name in names))
+    campaign, draws = run_campaign(d, 5, 3), drawn(d, 3, 0, 5)
+    for k, (f, z, scale, mass) in enumerate(draws):
+        case = lagged(20.0 * f, 0.7 * z, scale, vehicle={"mass": 1.6e4 * mass})
+        if isinstance(analysis, Linear):
+            expected = margins(case, damping=0.08)
+            assert campaign.column("disc_margin")[k] == pytest.approx(float(expected.nichols_disc_margin), rel=1e-9)
+        else:
+            step = step_of(d)
+            expected = simulate_ensemble(case, 60.0, 0.2, step=step)
+            assert campaign.column("slosh_peak.LOX")[k] == pytest.approx(float(expected.slosh_peak[0]), rel=1e-9)
+            assert campaign.column("engine_peak")[k] == pytest.approx(float(expected.tvc_peak), rel=1e-9)
+    assert np.array_equal(rerun(d, 3, 4).values[0], campaign.values[4], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("filter.3.frequency", "names no filter"),
+        ("filter.1.damping", "a filter has no input damping"),
+        ("actuator.rate_limit", "this actuator has no input rate_limit"),
+        ("actuator.x.frequency", "too many parts"),
+    ],
+)
+def test_an_input_of_the_lags_that_is_none_is_refused(name, told):
+    with pytest.raises(ValueError, match=told):
+        run_campaign(stage(case=lagged(), parameters=(factor(name, 0.1),)), 3, 1)
+    with pytest.raises(ValueError, match="the case has no"):
+        run_campaign(stage(parameters=(factor("actuator.frequency", 0.1),)), 3, 1)
+
+
+def test_a_transfer_function_of_an_actuator_is_scaled():
+    w = 18.0
+    plain = Actuator(frequency=w, damping=0.6)
+    same = Actuator(numerator=(w * w,), denominator=(1.0, 1.2 * w, w * w))
+    found = [
+        run_campaign(stage(case=paper_case(actuator=a), parameters=(factor("actuator.frequency", 0.2),)), 4, 1)
+        for a in (plain, same)
+    ]
+    np.testing.assert_allclose(found[0].column("disc_margin"), found[1].column("disc_margin"), rtol=1e-9)
+    assert len(set(found[0].column("disc_margin").tolist())) == 4

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from sloshpy.dispersion import campaign as campaign_room
 from sloshpy.dispersion import disk, findings, read_campaign, run_campaign
 from sloshpy.dispersion.campaign import fill, header_of
 from sloshpy.dispersion.lock import locked
-from sloshpy.dispersion.store import Layout, Store, identity, open_store
+from sloshpy.dispersion.store import Layout, Store, open_store, sealed
+from sloshpy.dispersion.workers import computed
 from sloshpy.errors import InputError
 
 LAYOUT = Layout(cases=23, block=5, columns=("a", "b"))
@@ -22,13 +24,13 @@ OPERATIONS = ("make_folder", "create", "write", "sync", "close", "rename", "sync
 
 def header(**more):
     plain = {"cases": 23, "block": 5, "environment": {"numpy": "2"}} | more
-    return plain | {"campaign": identity(plain)}
+    return sealed(plain)
 
 
 def driven(folder, answer=toy, layout=LAYOUT, resume=True):
     store = open_store(folder, header(), layout, resume)
     with store.writing():
-        fill(store, answer, 0, 10.0, lambda done, count: None)
+        fill(store, partial(computed, answer, store.layout, workers=0, case_limit=10.0), lambda done, count: None)
     return store
 
 
@@ -150,7 +152,6 @@ def test_another_file_seed_number_or_version_is_refused_with_the_difference(tmp_
     for change, told in (
         ({"environment": {"numpy": "3"}}, "environment numpy 2 there, 3 now"),
         ({"files": "x"}, "files None there, x now"),
-        ({"cases": 24}, "cases 23 there, 24 now"),
     ):
         with pytest.raises(InputError, match=told):
             open_store(tmp_path / "s", header(**change), LAYOUT, resume=True)
@@ -164,6 +165,24 @@ def test_another_file_seed_number_or_version_is_refused_with_the_difference(tmp_
     (tmp_path / "s" / "campaign.json").write_text(text.replace('"cases": 23', '"cases": 22'))
     with pytest.raises(InputError, match="missing or changed"):
         open_store(tmp_path / "s", header(), LAYOUT, resume=True)
+
+
+def test_a_campaign_grows_by_what_is_missing_alone(tmp_path, monkeypatch):
+    """Draws know nothing of N: of 25 cases in blocks of 10 two blocks stay, the third is made whole."""
+    monkeypatch.setattr(campaign_room, "BLOCK", 10)
+    for sampling in ("random", "sobol"):
+        folder, d = tmp_path / sampling, stage(sampling=sampling)
+        few = run_campaign(d, 25, 3, store=folder)
+        kept = {p.name: p.read_bytes() for p in folder.glob("block-*.bin")}
+        told = []
+        many = run_campaign(d, 38, 3, store=folder, resume=True, watch=lambda *x, told=told: told.append(x))
+        assert told[0] == (20, 38)
+        assert {n: (folder / n).read_bytes() for n in list(kept)[:2]} == {n: kept[n] for n in list(kept)[:2]}
+        assert np.array_equal(many.values[:25], few.values)
+        assert many.digest == run_campaign(d, 38, 3).digest
+        assert read_campaign(d, folder).count == 38
+        with pytest.raises(InputError, match="holds a campaign of 38 cases, more than 25"):
+            run_campaign(d, 25, 3, store=folder, resume=True)
 
 
 def test_two_drivers_write_the_same_bytes_and_the_second_is_told_of_the_first(tmp_path):

@@ -1,22 +1,28 @@
 """Uncertain cases: inputs that vary, campaigns of many draws, what they show and with which confidence."""
 
+from sloshpy.dispersion.against_time import AgainstTime, against_time
 from sloshpy.dispersion.campaign import Campaign, read_campaign, rerun, run_campaign
-from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Nonlinear, Parameter, drawn
+from sloshpy.dispersion.cluster import Cluster
+from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Moment, Nonlinear, Parameter, drawn
 from sloshpy.dispersion.distribution import Triangular, TruncatedNormal, Uniform
 from sloshpy.dispersion.export import campaign_dataset, write_campaign
 from sloshpy.dispersion.findings import Findings, findings
 
 __all__ = [
+    "AgainstTime",
     "Campaign",
+    "Cluster",
     "Correlation",
     "Dispersion",
     "Findings",
     "Linear",
+    "Moment",
     "Nonlinear",
     "Parameter",
     "Triangular",
     "TruncatedNormal",
     "Uniform",
+    "against_time",
     "campaign_dataset",
     "drawn",
     "findings",

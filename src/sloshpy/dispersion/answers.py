@@ -1,78 +1,79 @@
 """What is asked of a batch of cases: margins and required damping of each, or a nonlinear simulation of each."""
 
+from dataclasses import replace
+
 import numpy as np
 from pydantic import ValidationError
 
-from sloshpy.batch import case_shape
 from sloshpy.case import Case
 from sloshpy.damping.laws import small_amplitude_ratio
+from sloshpy.dispersion.columns import columns_of, worst_columns
 from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
 from sloshpy.dispersion.many_required import many_required
-from sloshpy.dispersion.rows import Column, Rows, Status, failed, joined
-from sloshpy.dispersion.varied import Varied, find_input, nominal, varied
+from sloshpy.dispersion.rows import Rows, Status, failed, joined
+from sloshpy.dispersion.varied import RUN, Varied, find_input, nominal, stands_in, varied, varies_lags
+from sloshpy.dispersion.verdict import verdicts
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
-from sloshpy.simulation import simulate_ensemble
-from sloshpy.simulation.ensemble import FLEXIBLE_STEP, SLOSH_STEP
+from sloshpy.simulation import OneMinusCosine, simulate_ensemble
+from sloshpy.simulation.ensemble import FLEXIBLE_STEP, GUST_STEPS, slosh_step
 from sloshpy.stability import loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
-MARGINAL = 1e-6  # a disc margin this near its limit is on neither side: across computers rounding decides
 MOST_REASON = 200  # characters kept
 SPARE = 0.8  # of the ensemble's own step, for frequencies that follow from other inputs
-STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 2e-5 of a limit cycle
+STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 1e-4 of a limit cycle
 
 
-def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
-    """Return what is kept of each case."""
-    c = dispersion.case.criteria
-    tanks = [tank.name for tank in dispersion.case.vehicle.tanks]
-
-    def engine(name: str, meaning: str) -> Column:
-        return Column(name=name, unit="rad", meaning=meaning, worst=1, limit=c.tvc_amplitude)
-
-    if isinstance(dispersion.analysis, Linear):
-        read = "where the dampings are read"
-        found = [
-            Column(name="disc_margin", unit="1", meaning=f"signed, {read}", worst=-1, limit=c.disc_margin),
-            Column(name="growth", unit="1/s", meaning=f"greatest growth of a pole {read}", worst=1, limit=0.0),
-        ]
-        for t in tanks:
-            found += [
-                Column(name=f"required_damping.{t}", unit="1", meaning="of the tank, for the disc margin", worst=1),
-                Column(name=f"slosh.{t}", unit="m", meaning="amplitude at which its law gives that", worst=1),
-                engine(f"engine.{t}", "engine amplitude in that oscillation"),
-            ]
-        return tuple(found)
-    found = []
-    for t in tanks:
-        found += [
-            Column(name=f"slosh_amplitude.{t}", unit="m", meaning="settled, half peak to peak", worst=1),
-            Column(name=f"slosh_peak.{t}", unit="m", meaning="greatest of the run", worst=1),
-        ]
-    return (
-        *found,
-        engine("engine_amplitude", "settled, half peak to peak"),
-        Column(name="engine_peak", unit="rad", meaning="greatest of the run", worst=1),
-        Column(name="engine_omega", unit="rad/s", meaning="frequency of the settled engine"),
-    )
+def _with_verdict(dispersion: Dispersion, values: Array) -> Array:
+    """Return rows with the verdict on each as their last number."""
+    return np.concatenate([values, verdicts(columns_of(dispersion)[:-1], values)[:, None]], axis=1)
 
 
 def answered(dispersion: Dispersion, seed: int, first: int, count: int) -> Rows:
     """Return the rows of some cases; what one case raises is that case's alone."""
+    draws = drawn(dispersion, seed, first, count)
+    return _along(dispersion, draws, first) if dispersion.flight else _asked(dispersion, draws, first)
+
+
+def _asked(dispersion: Dispersion, draws: Array, first: int) -> Rows:
+    """Return the rows of one case under draws (N, parameters)."""
+    count = len(draws)
+    if count > 1 and varies_lags(dispersion):  # each is another loop
+        return joined([_asked(dispersion, draws[k : k + 1], first + k) for k in range(count)])
     try:
-        batch = varied(dispersion, drawn(dispersion, seed, first, count))
-        if len(case_shape(dispersion.case)):
-            raise ValueError("a campaign's template is one case; a flight's times are campaigned one by one")
         ask = _linear if isinstance(dispersion.analysis, Linear) else _nonlinear
-        return ask(dispersion, batch, first, count)
+        return ask(dispersion, varied(dispersion, draws), first, count)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:  # pydantic's and our own are ValueErrors
         if count == 1:
             return failed(first, len(columns_of(dispersion)), Status.FAILED, _reason(error))
     half = count // 2
-    return joined([answered(dispersion, seed, first, half), answered(dispersion, seed, first + half, count - half)])
+    return joined([_asked(dispersion, draws[:half], first), _asked(dispersion, draws[half:], first + half)])
+
+
+def _along(dispersion: Dispersion, draws: Array, first: int) -> Rows:
+    """Return the rows of a flight: every moment asked as a case of its own, under the same draws."""
+    each, status = [], np.zeros(len(draws))
+    reasons = [""] * len(draws)
+    for moment in dispersion.flight:
+        own = [k for k, p in enumerate(dispersion.parameters) if stands_in(moment.case, p.input)]
+        at = replace(dispersion, case=moment.case, flight=(), parameters=tuple(dispersion.parameters[k] for k in own))
+        rows = _asked(at, draws[:, own], first)
+        each.append(dict(zip([c.name for c in columns_of(at)[:-1]], rows.values.T, strict=False)))
+        for k in np.flatnonzero(rows.status != Status.OK):
+            status[k] = rows.status[k]
+            reasons[k] = reasons[k] or f"{moment.time:g} s, {moment.phase}: {rows.reasons[k]}"[:MOST_REASON]
+    worst = []
+    for column in worst_columns(dispersion)[:-1]:
+        over = np.stack([found[column.name] for found in each if column.name in found])
+        worst.append(np.max(over, axis=0) if column.worst > 0 else np.min(over, axis=0))  # nan where any is
+    margin = np.stack([found["disc_margin"] for found in each])
+    time = np.array([moment.time for moment in dispersion.flight])
+    when = np.where(np.any(np.isnan(margin), axis=0), np.nan, time[np.argmin(margin, axis=0)])
+    values = np.stack([*worst, when, *(x for found in each for x in found.values())], axis=-1)
+    return Rows(first=first, values=_with_verdict(dispersion, values), status=status, reasons=tuple(reasons))
 
 
 def _reason(error: Exception) -> str:
@@ -102,7 +103,7 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
     )
     found = loop_margins(loop, criteria, crossings=False)
     parts = [np.broadcast_to(found.nichols_disc_margin, count), np.broadcast_to(found.growth, count)]
-    for j, tank in enumerate(case.vehicle.tanks):
+    for j, tank in enumerate(case.vehicle.tanks if how.required else ()):
         required, omega = many_required(loop, criteria, j)
         amplitude = _amplitude(case, j, required, batch.damping_factor[:, j])
         w = np.broadcast_to(tank.frequency, count)
@@ -116,7 +117,7 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
         never = ~np.isfinite(amplitude)
         slosh[never], engine[never] = np.inf, np.inf
         parts += [np.where(np.isnan(required), np.inf, required), slosh, engine]
-    values = np.stack(parts, axis=-1)
+    values = _with_verdict(dispersion, np.stack(parts, axis=-1))
     unknown = np.any(np.isnan(values), axis=1)
     reasons = tuple("no finite disc margin" if bad else "" for bad in unknown)
     status = np.where(unknown, float(Status.FAILED), float(Status.OK))
@@ -142,26 +143,42 @@ def step_of(dispersion: Dispersion) -> float:
     case = dispersion.case
     slosh = max(float(np.max(tank.frequency)) for tank in case.vehicle.tanks)
     bending = max((float(np.max(mode.frequency)) for mode in case.vehicle.flexible_modes), default=0.0)
-    widest = 1.0
+    widest, run = 1.0, dispersion.analysis
+    shortest = run.gust_duration if isinstance(run, Nonlinear) and blows(dispersion) else np.inf
     for p in dispersion.parameters:
         found = find_input(case, p.input)
+        if found.field == "gust_duration":
+            shortest = p.distribution.low * (shortest if p.factor else 1.0)
         if found.field == "frequency":
             least = min(float(np.min(np.asarray(x))) for x in nominal(case, found))
             widest = max(widest, p.distribution.high / (1.0 if p.factor else least))
-    return float(SPARE * min(SLOSH_STEP / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest)
+    own = SPARE * min(slosh_step(case) / slosh, FLEXIBLE_STEP / bending if bending else np.inf) / widest
+    return float(min(own, shortest / GUST_STEPS))
+
+
+def blows(dispersion: Dispersion) -> bool:
+    """Whether some run may have a gust."""
+    run = dispersion.analysis
+    varies = any(p.input == "run.gust_speed" for p in dispersion.parameters)
+    return isinstance(run, Nonlinear) and (varies or run.gust_speed != 0.0)
 
 
 def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Rows:
     how, step = dispersion.analysis, step_of(dispersion)
     assert isinstance(how, Nonlinear)
     case = batch.case.model_copy(update={"autopilot": batch.case.autopilot.degraded(how.gain, how.delay)})
-    for part, most in ((case.vehicle.tanks, SLOSH_STEP), (case.vehicle.flexible_modes, FLEXIBLE_STEP)):
+    for part, most in ((case.vehicle.tanks, slosh_step(case)), (case.vehicle.flexible_modes, FLEXIBLE_STEP)):
         for one in part:
             if np.any(np.asarray(one.frequency) * step > STRETCH * most):
                 raise OutsideValidity(
                     f"the frequency of {one.name} is too high for the campaign's step of {step:.4g} s"
                 )
-    run = simulate_ensemble(case, how.duration, how.initial_slosh, step, batch.damping_factor)
+    own = {name: batch.run.get(name, getattr(how, name)) for name in RUN}
+    start = np.broadcast_to(own["initial_slosh"], count)[:, None]
+    gust = None
+    if blows(dispersion):
+        gust = OneMinusCosine(size=own["gust_speed"], start=own["gust_start"], duration=own["gust_duration"])
+    run = simulate_ensemble(case, how.duration, start, step, batch.damping_factor, gust)
     parts = []
     for j in range(len(case.vehicle.tanks)):
         parts += [run.slosh_amplitude[..., j], run.slosh_peak[..., j]]
@@ -171,6 +188,6 @@ def _nonlinear(dispersion: Dispersion, batch: Varied, first: int, count: int) ->
     reasons = tuple(str(r) for r in np.broadcast_to(run.reason, count))
     diverged = np.array([r.startswith("diverged") for r in reasons])
     status = np.where(diverged, Status.DIVERGED, np.where([r == "" for r in reasons], Status.OK, Status.UNSETTLED))
-    greater = np.array([column.worst > 0 for column in columns_of(dispersion)])
-    values = np.where(diverged[:, None] & greater, np.inf, values)
+    greater = np.array([column.worst > 0 for column in columns_of(dispersion)[:-1]])
+    values = _with_verdict(dispersion, np.where(diverged[:, None] & greater, np.inf, values))
     return Rows(first=first, values=values, status=status.astype(float), reasons=reasons)

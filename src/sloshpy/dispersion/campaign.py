@@ -3,7 +3,7 @@
 import functools
 import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,18 +11,21 @@ from typing import Any
 import numpy as np
 
 from sloshpy.batch import single
-from sloshpy.dispersion.answers import answered, columns_of
-from sloshpy.dispersion.dispersion import Dispersion, drawn
+from sloshpy.dispersion.answers import answered
+from sloshpy.dispersion.cluster import Cluster, computed_there
+from sloshpy.dispersion.columns import columns_of
+from sloshpy.dispersion.dispersion import Dispersion, Linear, drawn
 from sloshpy.dispersion.environment import environment
 from sloshpy.dispersion.rows import Column, Rows, Status
-from sloshpy.dispersion.store import HEADER, Layout, Store, identity, open_store, read_header
+from sloshpy.dispersion.store import HEADER, Layout, Store, open_store, read_header, sealed
 from sloshpy.dispersion.streams import MOST_CASES
-from sloshpy.dispersion.varied import find_input
+from sloshpy.dispersion.varied import find_input, stands_in
 from sloshpy.dispersion.workers import computed
 from sloshpy.errors import InputError, Problem
 from sloshpy.units import Array, BoolArray
 
 BLOCK = 1000  # cases
+FLIGHTS = 100  # flights in a block, each of many moments
 CASE_LIMIT = 60.0  # s that one case may take in a process of its own
 MOST_SEED = 2**64
 
@@ -77,6 +80,7 @@ def run_campaign(
     store: str | os.PathLike[str] | None = None,
     resume: bool = False,
     workers: int = 0,
+    cluster: Cluster | None = None,
     case_limit: float = CASE_LIMIT,
     watch: Watch | None = None,
 ) -> Campaign:
@@ -85,37 +89,46 @@ def run_campaign(
     Args:
         dispersion: the uncertain case and what is asked.
         cases: N, 1 or more. seed: root of all streams, 0 <= seed < 2^64.
-        store: folder in which finished blocks are kept. resume: take up the campaign that it holds.
+        store: folder in which finished blocks are kept. resume: take up the campaign that it holds, which may grow.
         workers: processes; 0: this process, without guard against a case that hangs or crashes.
-        case_limit: s that one case may take, with workers.
+        cluster: workers of dask.distributed elsewhere, in place of `workers`.
+        case_limit: s that one case, or each time of a flight, may take, with workers or a cluster.
         watch: told how many cases are done and how many there are.
 
     Raises:
-        InputError: the store holds something else, is being written, or its disk is full.
+        InputError: the store holds something else, is being written, or its disk is full; the cluster is not there, or
+            its machines would give other digits.
     """
     layout = layout_of(dispersion, cases, seed)
     answer = functools.partial(answered, dispersion, seed)
     tell = watch or (lambda done, count: None)
+    limit = case_limit * len(dispersion.cases)
+
+    def blocks(numbers: Iterable[int]) -> Iterator[tuple[int, Rows]]:
+        if cluster is not None:
+            return computed_there(cluster, answer, layout, numbers, limit)
+        return computed(answer, layout, numbers, workers, limit)
+
     if store is None:
         kept: dict[int, Rows] = {}
-        for number, rows in computed(answer, layout, layout.numbers, workers, case_limit):
+        for number, rows in blocks(layout.numbers):
             kept[number] = rows
             tell(sum(r.count for r in kept.values()), cases)
         return _gathered(dispersion, seed, layout, kept.get)
     held = open_store(store, header_of(dispersion, cases, seed), layout, resume)
     with held.writing():
-        fill(held, answer, workers, case_limit, tell)
+        fill(held, blocks, tell)
     return _gathered(dispersion, seed, layout, held.read)
 
 
-def fill(store: Store, answer: Callable[[int, int], Rows], workers: int, case_limit: float, watch: Watch) -> None:
+def fill(store: Store, blocks: Callable[[Iterable[int]], Iterator[tuple[int, Rows]]], watch: Watch) -> None:
     """Compute the blocks that a store lacks, and write each as soon as it is ready."""
     layout = store.layout
     there = set(store.done())
     done = sum(layout.span(number)[1] for number in there)
     watch(done, layout.cases)
     missing = [number for number in layout.numbers if number not in there]
-    for number, rows in computed(answer, layout, missing, workers, case_limit):
+    for number, rows in blocks(missing):
         store.write(number, rows)
         done += rows.count
         watch(done, layout.cases)
@@ -130,11 +143,10 @@ def read_campaign(dispersion: Dispersion, folder: str | os.PathLike[str], partia
     header = read_header(Path(folder))
     cases, seed = int(header["cases"]), int(header["seed"])
     layout = layout_of(dispersion, cases, seed)
-    wanted = header_of(dispersion, cases, seed) | {"environment": header["environment"]}
-    wanted["campaign"] = identity(wanted)
+    wanted = sealed(header_of(dispersion, cases, seed) | {"environment": header["environment"]})
     store = Store(folder=Path(folder), header=header, layout=layout)
     if wanted != header:
-        changed = sorted(k for k in {*wanted, *header} - {"campaign"} if wanted.get(k) != header.get(k))
+        changed = sorted(k for k in {*wanted, *header} - {"campaign", "sha256"} if wanted.get(k) != header.get(k))
         raise InputError(
             _refused(
                 "store", str(folder), f"is of another dispersion: {', '.join(changed)} differ", "name its own files"
@@ -158,7 +170,8 @@ def rerun(dispersion: Dispersion, seed: int, case: int) -> Rows:
 def layout_of(dispersion: Dispersion, cases: int, seed: int) -> Layout:
     """Return how the cases of a campaign lie in blocks."""
     _checked(dispersion, cases, seed)
-    return Layout(cases=cases, block=BLOCK, columns=tuple(c.name for c in columns_of(dispersion)))
+    block = FLIGHTS if dispersion.flight else BLOCK
+    return Layout(cases=cases, block=block, columns=tuple(c.name for c in columns_of(dispersion)))
 
 
 def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
@@ -168,13 +181,13 @@ def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
         "name": dispersion.name,
         "cases": cases,
         "seed": seed,
-        "block": BLOCK,
+        "block": FLIGHTS if dispersion.flight else BLOCK,
         "columns": [c.name for c in columns_of(dispersion)],
         "files": dispersion.digest,
         "configuration": _configuration(dispersion),
         "environment": environment(),
     }
-    return header | {"campaign": identity(header)}
+    return sealed(header)
 
 
 def _configuration(dispersion: Dispersion) -> str:
@@ -191,6 +204,7 @@ def _configuration(dispersion: Dispersion) -> str:
             dispersion.sampling,
             type(dispersion.analysis).__name__,
             asdict(dispersion.analysis),
+            dispersion.flight,
         )
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -198,13 +212,21 @@ def _configuration(dispersion: Dispersion) -> str:
 
 def _checked(dispersion: Dispersion, cases: int, seed: int) -> None:
     """Refuse what no campaign can be made of."""
-    single(dispersion.case, "a campaign")
+    for case in dispersion.cases:
+        single(case, "a campaign")
+    if dispersion.flight and not isinstance(dispersion.analysis, Linear):
+        raise InputError(
+            _refused("nonlinear", "", "is asked of one case, not of a flight", "ask [linear] of the flight")
+        )
     if not 1 <= cases <= MOST_CASES:
         raise InputError(_refused("cases", str(cases), f"must be 1 to {MOST_CASES}", "write --cases 2000"))
     if not 0 <= seed < MOST_SEED:
         raise InputError(_refused("seed", str(seed), "must be >= 0 and < 2^64", "write --seed 1"))
     for parameter in dispersion.parameters:
-        find_input(dispersion.case, parameter.input)
+        if parameter.input.startswith("run.") and isinstance(dispersion.analysis, Linear):
+            raise InputError(_refused("input", parameter.input, "is asked of a simulation", "ask [nonlinear]"))
+        if not any(stands_in(case, parameter.input) for case in dispersion.cases):
+            find_input(dispersion.case, parameter.input)  # says why not
 
 
 def _gathered(dispersion: Dispersion, seed: int, layout: Layout, read: Callable[[int], Rows | None]) -> Campaign:

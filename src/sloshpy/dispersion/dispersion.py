@@ -17,6 +17,8 @@ SEMIDEFINITE = 1e-10  # an eigenvalue of a correlation matrix this little below 
 class Parameter:
     """One uncertain input, "vehicle.mass", "tank.LOX.frequency", "tank.*.damping" (one draw for all tanks).
 
+    Of a nonlinear campaign also "run.initial_slosh", "run.gust_speed", "run.gust_start", "run.gust_duration".
+
     factor: the draw multiplies the case's value; else it stands in its place, in SI units.
     systematic: drawn once for the whole campaign, the same in every case; else for each case.
     """
@@ -67,28 +69,47 @@ class Correlation:
 
 @dataclass(frozen=True, kw_only=True)
 class Linear:
-    """Margins and required damping of each case; slosh damping read at an amplitude in m (None: small amplitude)."""
+    """Margins and required damping of each case; slosh damping read at an amplitude in m (None: small amplitude).
+
+    required: whether the required damping is asked for, and slosh and engine at it: most of the work.
+    """
 
     amplitude: float | None = None
+    required: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
 class Nonlinear:
     """A nonlinear simulation of each case from displaced slosh, extra gain and delay added to the loop.
 
-    duration: s. initial_slosh: m. gain: amplitude ratio. delay: s.
+    duration: s. initial_slosh: m. gain: amplitude ratio. delay: s. gust_speed, gust_start, gust_duration: peak in m/s,
+    start and duration in s of one 1-cosine gust of the lateral wind; none where the peak is 0.
     """
 
     duration: float = 300.0
     initial_slosh: float = 0.01
     gain: float = 1.0
     delay: float = 0.0
+    gust_speed: float = 0.0
+    gust_start: float = 0.0
+    gust_duration: float = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One time of a flight in s, the phase it lies in, and the single case at it."""
+
+    phase: str
+    time: float
+    case: Case
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dispersion:
-    """An uncertain case and what is asked of it.
+    """An uncertain case, or the moments of an uncertain flight, and what is asked of it.
 
+    case: of a flight, that of its first moment. flight: each draw holds for all moments, and each is assessed; () where
+    there is one case.
     sampling: "random", independent draws, on which statements with a confidence rest; "sobol", evenly spread ones.
     coverage, confidence: of the statement that decides the verdict.
     digest: hash of the files it was read from, "" for none.
@@ -103,6 +124,12 @@ class Dispersion:
     coverage: float = 0.99865
     confidence: float = 0.9
     digest: str = ""
+    flight: tuple[Moment, ...] = ()
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The case, or those of all moments."""
+        return tuple(moment.case for moment in self.flight) or (self.case,)
 
     @property
     def inputs(self) -> tuple[str, ...]:

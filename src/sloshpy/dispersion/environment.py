@@ -1,5 +1,6 @@
 """What a campaign's bits rest on besides its files: versions, the kernel of the linear algebra, the processor."""
 
+import functools
 import hashlib
 import platform
 import re
@@ -24,6 +25,7 @@ def environment() -> dict[str, str]:
     }
 
 
+@functools.cache
 def _source() -> str:
     """Return a hash of the package's own code: an edited copy of one version is another one."""
     folder = Path(__file__).parents[1]

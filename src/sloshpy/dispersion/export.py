@@ -1,6 +1,8 @@
-"""A campaign as one file for other tools: NetCDF, from proved blocks, with nan for what is missing and a mask."""
+"""A campaign for other tools: NetCDF or Zarr, from proved blocks, with nan for what is missing and a mask."""
 
+import importlib.util
 import os
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,28 +41,61 @@ def campaign_dataset(campaign: Campaign) -> "xr.Dataset":
     return xr.Dataset(data, coords={"case": np.arange(campaign.count)}, attrs=attributes)
 
 
+SUFFIXES = (".nc", ".zarr")
+CHUNK = 1000  # cases, as a block of the store
+
+
 def write_campaign(campaign: Campaign, path: str | os.PathLike[str]) -> Path:
-    """Write a campaign as NetCDF (.nc); it appears whole or not at all.
+    """Write a campaign as NetCDF (.nc) or as a folder of Zarr (.zarr); it appears whole or not at all.
 
     Raises:
-        InputError: another suffix, a file that is there already, or a disk that is full.
+        InputError: another suffix, something that is there already, a disk that is full, or no package zarr.
     """
     path = Path(path)
-
-    def refused(rule: str, cure: str) -> InputError:
-        return InputError(Problem(key="export", value=str(path), rule=rule, cure=cure))
-
-    if path.suffix != ".nc":
-        raise refused("must end in .nc", "name a file of that format")
-    if path.exists() or not path.parent.is_dir():
-        raise refused("is there already" if path.exists() else "has no folder to stand in", "name another file")
+    check_export(path)
     new = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     dataset = campaign_dataset(campaign)
-    floats = [name for name, x in dataset.data_vars.items() if x.dtype.kind == "f"]
     try:
-        dataset.to_netcdf(new, engine="h5netcdf", encoding={name: {"_FillValue": np.nan} for name in floats})
-        os.replace(new, path)
+        (_write_netcdf if path.suffix == ".nc" else _write_zarr)(dataset, new)
+        os.rename(new, path)
     except OSError as error:
+        raise _refused(path, f"cannot be written ({error.strerror or error})", "make room or name another") from None
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
         new.unlink(missing_ok=True)
-        raise refused(f"cannot be written ({error.strerror or error})", "make room or name another folder") from None
     return path
+
+
+def check_export(path: Path) -> None:
+    """Refuse a name that no campaign can be written to, before it is computed."""
+    if path.suffix not in SUFFIXES:
+        raise _refused(path, f"must end in {' or '.join(SUFFIXES)}", "name a file of such a format")
+    if path.exists() or not path.parent.is_dir():
+        raise _refused(path, "is there already" if path.exists() else "has no folder to stand in", "name another")
+    if path.suffix == ".zarr" and importlib.util.find_spec("zarr") is None:
+        raise _refused(path, "needs the package zarr", "pip install 'sloshpy[zarr]', or write .nc")
+
+
+def _write_netcdf(dataset: "xr.Dataset", path: Path) -> None:
+    floats = [name for name, x in dataset.data_vars.items() if x.dtype.kind == "f"]
+    dataset.to_netcdf(path, engine="h5netcdf", encoding={name: {"_FillValue": np.nan} for name in floats})
+
+
+def _write_zarr(dataset: "xr.Dataset", path: Path) -> None:
+    """Write chunks of a block each, checked by CRC-32C; a chunk that gets lost reads as nan, not as zero."""
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    empty = {"status": -1, "completed": 0}
+    encoding = {
+        name: {
+            "chunks": (min(CHUNK, dataset.sizes["case"]),),
+            "compressors": (ZstdCodec(), Crc32cCodec()),
+            "fill_value": empty.get(str(name), np.nan),
+        }
+        for name in dataset.data_vars
+    }
+    dataset.to_zarr(path, mode="w-", zarr_format=3, consolidated=False, write_empty_chunks=True, encoding=encoding)
+
+
+def _refused(path: Path, rule: str, cure: str) -> InputError:
+    return InputError(Problem(key="export", value=str(path), rule=rule, cure=cure))

@@ -11,6 +11,7 @@ from sloshpy.dispersion.rows import Column, Status
 from sloshpy.dispersion.statements import (
     Bound,
     Interval,
+    marginal,
     probability,
     rank_correlation,
     tolerance_bound,
@@ -18,6 +19,8 @@ from sloshpy.dispersion.statements import (
     violates,
     worse_allowed,
 )
+from sloshpy.dispersion.varied import stands_in
+from sloshpy.dispersion.verdict import VERDICT
 from sloshpy.units import Array, IntArray
 
 PERCENTILES = (0.5, 0.9, 0.99, 0.9973, 0.99865)
@@ -29,12 +32,15 @@ LISTED = 10  # cases without a number listed on the screen
 class Criterion:
     """One criterion over all cases: how often it is broken, by which cases, and what drives it.
 
+    column: `VERDICT` is every criterion together, which has its broken cases and no drivers.
+    marginal: how many of the broken ones are within its tolerance of the limit, on no sure side of it.
     met: whether the dispersion's coverage is shown at its confidence; None where so few cases can show nothing.
     worst: numbers of the worst cases, worst first. drivers: rank correlation with each input, strongest first.
     """
 
     column: Column
     broken: int
+    marginal: int
     probability: Interval | None
     met: bool | None
     worst: tuple[int, ...]
@@ -77,7 +83,16 @@ class Findings:
         for criterion in self.criteria:
             lines += _criterion_lines(criterion, self.done, d.confidence)
         head = f"  {'percentile':32s}" + "".join(f"{100 * p:>14g} %" for p in PERCENTILES)
-        lines += ["", head, *(line for column in c.columns if column.worst for line in self._percentile_lines(column))]
+        lines += [
+            "",
+            head,
+            *(
+                line
+                for column in c.columns
+                if column.name in self.percentiles
+                for line in self._percentile_lines(column)
+            ),
+        ]
         said = dict.fromkeys(x for row in self.percentiles.values() for x in row if isinstance(x, str))
         lines += [f"    - {text}" for text in said]
         lines += ["", *(f"  - {note}" for note in self.notes)]
@@ -141,9 +156,9 @@ def findings(campaign: Campaign) -> Findings:
         if column.limit is not None
     )
     percentiles = {
-        column.name: tuple(_bound(d.sampling, values[:, k], column.worst, p, d.confidence) for p in PERCENTILES)
+        column.name: tuple(bound_of(d.sampling, values[:, k], column.worst, p, d.confidence) for p in PERCENTILES)
         for k, column in enumerate(campaign.columns)
-        if column.worst
+        if column.worst and column is not VERDICT and column.moment is None
     }
     return Findings(
         campaign=campaign, done=count, criteria=criteria, percentiles=percentiles, notes=_notes(campaign, count)
@@ -153,20 +168,22 @@ def findings(campaign: Campaign) -> Findings:
 def _criterion(campaign: Campaign, column: Column, values: Array, draws: Array, numbers: IntArray) -> Criterion:
     d, count = campaign.dispersion, len(values)
     assert column.limit is not None
-    broken = int(np.sum(violates(values, column.worst, column.limit)))
+    broken = int(np.sum(violates(values, column.worst, column.limit, column.tolerance)))
     independent = d.sampling == "random"
     allowed = worse_allowed(count, d.coverage, d.confidence) if independent else -1
     signed = np.where(np.isnan(values), np.inf, column.worst * values)
-    order = np.argsort(-signed, kind="stable")[:WORST]
+    together = column is VERDICT
+    order = np.argsort(-signed, kind="stable")[: min(WORST, broken) if together else WORST]
     drivers = [
         (p.input, rank_correlation(draws[:, k], signed, d.confidence))
         for k, p in enumerate(d.parameters)
-        if not p.systematic
+        if not p.systematic and not together
     ]
     drivers = [(name, r) for name, r in drivers if np.isfinite(r.estimate)]
     return Criterion(
         column=column,
         broken=broken,
+        marginal=int(np.sum(values == 0.0 if together else marginal(values, column.limit, column.tolerance))),
         probability=probability(broken, count, d.confidence) if independent else None,
         met=None if allowed < 0 else broken <= allowed,
         worst=tuple(int(numbers[k]) for k in order),
@@ -174,7 +191,8 @@ def _criterion(campaign: Campaign, column: Column, values: Array, draws: Array, 
     )
 
 
-def _bound(sampling: str, values: Array, worst: int, coverage: float, confidence: float) -> Bound | str:
+def bound_of(sampling: str, values: Array, worst: int, coverage: float, confidence: float) -> Bound | str:
+    """Return the bound of a part of all cases, or why so many, or such, draws support none."""
     if sampling != "random":
         return "evenly spread draws carry no confidence"
     try:
@@ -191,12 +209,19 @@ def _notes(campaign: Campaign, count: int) -> tuple[str, ...]:
         notes.append(unsupported(count, d.coverage, d.confidence))
     if not campaign.whole:
         notes.append(f"{count} of {campaign.count} cases: what is missing may be what is slow, and worse")
+    if d.flight:
+        notes.append(f"each draw holds for the whole flight: {len(d.flight)} times, the worst of each number decides")
+        for name in d.inputs:
+            without = dict.fromkeys(m.phase for m in d.flight if not stands_in(m.case, name))
+            if without:
+                notes.append(f"{name} is not in {', '.join(without)}")
     fixed = [p.input for p in d.parameters if p.systematic]
     if fixed:
         notes.append(f"drawn once for all cases, so that every statement holds for this draw: {', '.join(fixed)}")
     inputs = set(d.inputs)
     if inputs & {"vehicle.thrust", "vehicle.mass", "vehicle.drag"}:
-        rigid = [t.name for t in d.case.vehicle.tanks if t.pendulum_length is None]
+        tanks = dict.fromkeys(t.name for c in d.cases for t in c.vehicle.tanks if t.pendulum_length is None)
+        rigid = list(tanks)
         if rigid:
             notes.append(f"the slosh frequency of {', '.join(rigid)} does not follow the acceleration: no pendulum")
     if d.correlations:
@@ -207,14 +232,18 @@ def _notes(campaign: Campaign, count: int) -> tuple[str, ...]:
 def _criterion_lines(c: Criterion, count: int, confidence: float) -> list[str]:
     sign, met = (">=" if c.column.worst < 0 else "<="), {True: "met", False: "NOT met", None: "not shown"}[c.met]
     how_often = f"broken by {c.broken} of {count}"
+    if c.marginal:
+        how_often += f", {c.marginal} of them marginal"
     if c.probability is not None:
         p = c.probability
         how_often += f": {100 * p.estimate:.4g} % ({100 * p.low:.4g} to {100 * p.high:.4g} % at {100 * confidence:g} %)"
-    lines = ["", f"  {c.column.name} {sign} {c.column.limit:.6g} {_unit(c.column)}: {met}; {how_often}"]
+    what = f"{c.column.name} {sign} {c.column.limit:.6g} {_unit(c.column)}".rstrip()
+    lines = ["", f"  {'every criterion together' if c.column is VERDICT else what}: {met}; {how_often}"]
     if c.drivers:
         strongest = ", ".join(f"{n} {r.estimate:+.2f} ({r.low:+.2f} to {r.high:+.2f})" for n, r in c.drivers[:3])
         lines.append(f"    gets worse with: {strongest}")
-    lines.append(f"    worst cases: {', '.join(map(str, c.worst))}")
+    if c.worst:
+        lines.append(f"    worst cases: {', '.join(map(str, c.worst))}")
     return lines
 
 
@@ -228,6 +257,7 @@ def _criterion_dict(c: Criterion) -> dict[str, Any]:
         "unit": c.column.unit,
         "limit": c.column.limit,
         "broken": c.broken,
+        "marginal": c.marginal,
         "probability": None if c.probability is None else _plain(vars(c.probability)),
         "met": c.met,
         "worst": list(c.worst),

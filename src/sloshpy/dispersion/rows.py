@@ -23,7 +23,9 @@ class Status(IntEnum):
 class Column:
     """One number of a case. worst: -1 where small is bad, +1 where great is, 0 where neither; limit: of the criterion.
 
-    A case breaks the criterion where its number is beyond the limit, to the worst side, or not known.
+    A case breaks the criterion where its number is beyond the limit, to the worst side, or not known. So near the limit
+    that rounding or the method's step decides, within `tolerance`, it is marginal: on no sure side, and not met.
+    moment: the place in a flight, None for what holds for all of it.
     """
 
     name: str
@@ -31,6 +33,8 @@ class Column:
     meaning: str
     worst: int = 0
     limit: float | None = None
+    tolerance: float = 0.0
+    moment: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

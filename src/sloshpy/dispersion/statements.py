@@ -157,6 +157,12 @@ def _ranks(x: Array) -> Array:
     return np.asarray((last - 0.5 * (count - 1))[place])
 
 
-def violates(values: Array, worst: int, limit: float) -> BoolArray:
-    """Return which cases break a limit; one without a number does (`nan <= limit` is False)."""
-    return np.asarray(~(values >= limit) if worst < 0 else ~(values <= limit))
+def violates(values: Array, worst: int, limit: float, tolerance: float = 0.0) -> BoolArray:
+    """Return which cases do not surely keep a limit; one without a number does not (`nan <= limit` is False)."""
+    sure = limit - worst * tolerance
+    return np.asarray(~(values >= sure) if worst < 0 else ~(values <= sure))
+
+
+def marginal(values: Array, limit: float, tolerance: float) -> BoolArray:
+    """Return which cases are so near a limit that they are on no sure side of it."""
+    return np.asarray((np.abs(values - limit) <= tolerance) & (tolerance > 0.0))

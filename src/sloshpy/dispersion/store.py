@@ -1,8 +1,7 @@
 """A campaign on disk: one immutable file for each block of cases, a header, a lock, and nothing that counts.
 
-A block file is `sloshpy block 1`, one line of JSON, the rows as little-endian float64, and the SHA-256 of all of it. It
-is written under another name, flushed to the disk and then renamed; what is done is found out by reading the blocks,
-each checked to its last byte. Two drivers on one store write the same bytes.
+A block file is written under another name, flushed to the disk and then renamed; what is done is found out by reading
+the blocks, each checked to its last byte. Two drivers on one store write the same bytes.
 """
 
 import contextlib
@@ -15,16 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sloshpy.dispersion import disk
+from sloshpy.dispersion.block import decoded, encoded
 from sloshpy.dispersion.lock import alive, locked
 from sloshpy.dispersion.rows import Rows
 from sloshpy.errors import InputError, Problem
 
 HEADER = "campaign.json"
-_MAGIC = b"sloshpy block 1\n"
-_DIGEST = 32  # bytes of SHA-256
+_SEALS = ("campaign", "sha256")
 _TEMPORARY = re.compile(r"(?:block-\d{8}\.bin|campaign\.json)\.(\d+)\.tmp")
 
 
@@ -57,8 +54,10 @@ class Store:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the store for this process and sweep what a killed one left half-written."""
+        """Hold the store for this process, let it grow to its number of cases, and sweep what a killed one left."""
         with locked(self.folder):
+            if read_header(self.folder) != self.header:
+                _write_header(self.folder, self.header)
             for path in sorted(self.folder.iterdir()):
                 left = _TEMPORARY.fullmatch(path.name)
                 if left is not None and not alive(int(left.group(1))):
@@ -75,7 +74,7 @@ class Store:
         Raises:
             InputError: the disk is full or does not take it; what was written before stays.
         """
-        _write_whole(self.path(number), _encoded(number, rows, self.header["campaign"]))
+        _write_whole(self.path(number), encoded(number, rows, self.header["campaign"]))
 
     def read(self, number: int) -> Rows | None:
         """Return the rows of a block, None where it is missing or any bit of it is not as written."""
@@ -84,7 +83,7 @@ class Store:
         except FileNotFoundError:
             return None
         first, count = self.layout.span(number)
-        rows = _decoded(data, number, self.header["campaign"])
+        rows = decoded(data, number, self.header["campaign"])
         return rows if rows is not None and rows.sound(first, count, len(self.layout.columns)) else None
 
     def done(self) -> list[int]:
@@ -96,16 +95,19 @@ def open_store(folder: str | os.PathLike[str], header: dict[str, Any], layout: L
     """Make a store for a campaign, or take up the one that is there.
 
     Raises:
-        InputError: the folder holds something else, another campaign (each difference is named), or a campaign that
-            was not to be resumed.
+        InputError: the folder holds something else, another campaign (each difference is named), one of more cases, or
+            one that was not to be resumed.
     """
     path = Path(folder)
     store = Store(folder=path, header=header, layout=layout)
     if (path / HEADER).exists():
         found = read_header(path)
-        different = _differences(found, header)
+        different = differences(found, header)
         if different:
             raise InputError(*(_refused(path, f"holds another campaign: {text}", cure) for text, cure in different))
+        if layout.cases < found["cases"]:
+            rule = f"holds a campaign of {found['cases']} cases, more than {layout.cases}"
+            raise InputError(_refused(path, rule, "leave --cases out, or name a new folder"))
         if not resume:
             cure = "say --resume to compute what is missing, --partial to read what is there, or name another folder"
             raise InputError(_refused(path, "holds this campaign already", cure))
@@ -120,8 +122,12 @@ def open_store(folder: str | os.PathLike[str], header: dict[str, Any], layout: L
     if others:
         rule = f"is no store and not empty: {', '.join(sorted(others)[:3])}"
         raise InputError(_refused(path, rule, "name a new folder"))
-    _write_whole(path / HEADER, (json.dumps(header, indent=1, sort_keys=True) + "\n").encode())
+    _write_header(path, header)
     return store
+
+
+def _write_header(path: Path, header: dict[str, Any]) -> None:
+    _write_whole(path / HEADER, (json.dumps(header, indent=1, sort_keys=True) + "\n").encode())
 
 
 def read_header(folder: Path) -> dict[str, Any]:
@@ -133,7 +139,7 @@ def read_header(folder: Path) -> dict[str, Any]:
     header: dict[str, Any] = {}
     try:
         header = json.loads((folder / HEADER).read_text(encoding="utf-8"))
-        whole = isinstance(header, dict) and header.get("campaign") == identity(header)
+        whole = isinstance(header, dict) and header == sealed(header)
     except (OSError, ValueError):
         whole = False
     if not whole:
@@ -141,16 +147,26 @@ def read_header(folder: Path) -> dict[str, Any]:
     return header
 
 
+def sealed(header: dict[str, Any]) -> dict[str, Any]:
+    """Return a header with its identity, which every block carries, and a hash of all of it."""
+    rest = {key: value for key, value in header.items() if key not in _SEALS}
+    rest["campaign"] = identity(rest)
+    return rest | {"sha256": _hashed(rest)}
+
+
 def identity(header: dict[str, Any]) -> str:
-    """Return the hash of a header without itself: every block carries it."""
-    rest = {key: value for key, value in header.items() if key != "campaign"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+    """Return the hash of what makes a campaign this one; not of how many cases it has, which may grow."""
+    return _hashed({key: value for key, value in header.items() if key not in {*_SEALS, "cases"}})
 
 
-def _differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str, str]]:
+def _hashed(part: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(part, sort_keys=True).encode()).hexdigest()
+
+
+def differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str, str]]:
     """Return each entry of two headers that differs, with what to do about it."""
     texts = []
-    for key in sorted({*found, *wanted} - {"campaign"}):
+    for key in sorted({*found, *wanted} - {*_SEALS, "cases"}):
         here, there = found.get(key), wanted.get(key)
         if here != there:
             cure = "run it with what the store was made with, or name a new folder"
@@ -178,39 +194,6 @@ def _write_whole(path: Path, data: bytes) -> None:
             disk.remove(temporary)
         rule = f"cannot take {path.name}, {len(data)} bytes ({error.strerror})"
         raise InputError(_refused(path.parent, rule, "make room; what is there stays, and --resume goes on")) from None
-
-
-def _encoded(number: int, rows: Rows, campaign: str) -> bytes:
-    table = np.column_stack([np.arange(rows.first, rows.first + rows.count), rows.status, rows.values])
-    payload = np.ascontiguousarray(table, dtype="<f8").tobytes()
-    told = {str(rows.first + k): reason for k, reason in enumerate(rows.reasons) if reason}
-    head = {
-        "campaign": campaign,
-        "number": number,
-        "shape": table.shape,
-        "payload": len(payload),
-        "reasons": told,
-    }
-    body = _MAGIC + json.dumps(head, sort_keys=True).encode() + b"\n" + payload
-    return body + hashlib.sha256(body).digest()
-
-
-def _decoded(data: bytes, number: int, campaign: str) -> Rows | None:
-    """Return the rows of a block file, None where any bit is not as written or it is another campaign's."""
-    body, digest = data[:-_DIGEST], data[-_DIGEST:]
-    if not body.startswith(_MAGIC) or hashlib.sha256(body).digest() != digest:
-        return None
-    line, _, payload = body[len(_MAGIC) :].partition(b"\n")
-    head = json.loads(line)
-    if (head["campaign"], head["number"], head["payload"]) != (campaign, number, len(payload)):
-        return None
-    table = np.frombuffer(payload, dtype="<f8").reshape(head["shape"]).astype(float)
-    first = int(table[0, 0])
-    if not np.array_equal(table[:, 0], np.arange(first, first + len(table))):
-        return None
-    told = head["reasons"]
-    reasons = tuple(told.get(str(first + k), "") for k in range(len(table)))
-    return Rows(first=first, values=table[:, 2:].copy(), status=table[:, 1].copy(), reasons=reasons)
 
 
 def _refused(folder: Path, rule: str, cure: str) -> Problem:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from sloshpy.autopilot import Autopilot
+from sloshpy.autopilot import Actuator, Autopilot, Filter
 from sloshpy.batch import case_shape
 from sloshpy.case import Case
-from sloshpy.dispersion.dispersion import Dispersion
+from sloshpy.dispersion.dispersion import Dispersion, Nonlinear
 from sloshpy.units import Array, Quantity, Real
 from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, SloshMass, Vehicle
 
@@ -26,6 +26,14 @@ _NOUNS: dict[str, type[BaseModel]] = {
     "aerodynamics": Aerodynamics,
     "autopilot": Autopilot,
 }
+RUN = {  # of a nonlinear campaign, not of the case
+    "initial_slosh": Quantity("m", above=0.0, most=100.0),
+    "gust_speed": Quantity("m/s", least=-1e3, most=1e3),
+    "gust_start": Quantity("s", least=0.0, most=1e5),
+    "gust_duration": Quantity("s", above=0.0, most=1e5),
+}
+_LAGS = {"actuator", "filter"}  # of the autopilot, which carry no axes: such cases are asked one by one
+_SCALE = Quantity("1", meaning="of every pole and zero", above=0.0)
 _ALONE = {"radius"}  # carry axes, but change no answer of a campaign
 
 
@@ -46,6 +54,13 @@ def find_input(case: Case, text: str) -> Input:
         ValueError: with the rule that the text breaks and the cure, parted by a line end.
     """
     steps = re.fullmatch(r"([a-z_]+)(?:\.(.+))?\.([a-z_]+)", text)
+    if text.startswith("run."):
+        field = text.removeprefix("run.")
+        if field not in RUN:
+            raise ValueError(f"a run has no input {field} that can vary\nit has {', '.join(RUN)}")
+        return Input(noun="run", names=None, field=field, quantity=RUN[field])
+    if steps is not None and steps.group(1) in _LAGS:
+        return _find_lag(case, *steps.groups())
     if steps is None or steps.group(1) not in _NOUNS:
         raise ValueError(f'names no input\nwrite "vehicle.mass", "tank.LOX.frequency"; tables: {", ".join(_NOUNS)}')
     noun, which, field = steps.groups()
@@ -74,6 +89,46 @@ def find_input(case: Case, text: str) -> Input:
     return found
 
 
+def _find_lag(case: Case, noun: str, which: str | None, field: str) -> Input:
+    """Return an actuator's frequency or damping, or the frequency of filters: a factor of all their poles and zeros."""
+    pilot = case.autopilot
+    if noun == "filter":
+        there = [str(k + 1) for k in range(len(pilot.filter))]
+        if not there:
+            raise ValueError("the case has no [[autopilot.filter]]\nadd one to the case or leave the input out")
+        if which not in {*there, "*"}:
+            raise ValueError('names no filter of the case\nwrite "filter.1.frequency", or "filter.*.frequency" for all')
+        if field != "frequency":
+            raise ValueError(f"a filter has no input {field} that can vary\nit has frequency")
+        return Input(noun=noun, names=tuple(there) if which == "*" else (str(which),), field=field, quantity=_SCALE)
+    if which is not None:
+        raise ValueError(f'has too many parts\nwrite "{noun}.{field}"')
+    if pilot.actuator is None:
+        raise ValueError("the case has no actuator\nadd it to the case or leave the input out")
+    known = ("frequency",) if pilot.actuator.frequency is None else ("frequency", "damping")
+    if field not in known:
+        raise ValueError(f"this actuator has no input {field} that can vary\nit has {', '.join(known)}")
+    own = _SCALE if pilot.actuator.frequency is None else _ACTUATOR[field]
+    return Input(noun=noun, names=None, field=field, quantity=own)
+
+
+_ACTUATOR = {"frequency": Quantity("rad/s", above=0.0), "damping": Quantity("1", above=0.0, most=10.0)}
+
+
+def varies_lags(dispersion: Dispersion) -> bool:
+    """Whether actuator or filters vary."""
+    return any(p.input.partition(".")[0] in _LAGS for p in dispersion.parameters)
+
+
+def stands_in(case: Case, text: str) -> bool:
+    """Return whether a case has an input: of a flight's moments, not every one has every tank."""
+    try:
+        find_input(case, text)
+    except ValueError:
+        return False
+    return True
+
+
 def _chosen(case: Case, noun: str, which: str | None) -> tuple[str, ...]:
     """Return the names of the tanks or modes that an input means."""
     there = [x.name for x in (case.vehicle.tanks if noun == "tank" else case.vehicle.flexible_modes)]
@@ -99,12 +154,17 @@ def _quantities(noun: type[BaseModel]) -> dict[str, Quantity]:
     return {name: q for name, q in found.items() if name not in _ALONE}
 
 
-def nominal(case: Case, found: Input) -> list[Real | None]:
-    """Return the case's values of an input, one for each tank or mode that it means."""
+def nominal(case: Case, found: Input, run: Nonlinear | None = None) -> list[Real | None]:
+    """Return the values of an input, one for each tank or mode that it means, or that of the run."""
+    if found.noun == "run":
+        return [getattr(run, found.field, None)]
+    if found.quantity is _SCALE:
+        return [1.0 for _ in found.names or ("",)]
     v = case.vehicle
     holders: dict[str, Any] = {
         "vehicle": [v],
         "autopilot": [case.autopilot],
+        "actuator": [case.autopilot.actuator],
         "engine": [v.engine],
         "aerodynamics": [v.aerodynamics],
         "tank": [t for t in v.tanks if found.names and t.name in found.names],
@@ -117,17 +177,22 @@ def nominal(case: Case, found: Input) -> list[Real | None]:
 
 @dataclass(frozen=True, kw_only=True)
 class Varied:
-    """A batch of cases, case numbers on the first axis, and what multiplies each tank's damping, (N, ..., n_tanks)."""
+    """A batch of cases, case numbers on the first axis, and what multiplies each tank's damping, (N, ..., n_tanks).
+
+    run: numbers of the runs that vary, (N,) each.
+    """
 
     case: Case
     damping_factor: Array
+    run: dict[str, Array]
 
 
 def varied(dispersion: Dispersion, draws: Array) -> Varied:
     """Return the case with draws (N, parameters) in place of its inputs; each noun proves itself as from a file.
 
     Axes of the template, such as times of a flight, follow the case numbers. Where the thrust varies and the vectored
-    thrust does not, it keeps its part of the thrust: that is how the engines are arranged.
+    thrust does not, it keeps its part of the thrust: that is how the engines are arranged. Draws of actuator or filters
+    are put in one at a time, N = 1.
 
     Raises:
         ValidationError: some draw makes no sound vehicle or autopilot.
@@ -136,15 +201,19 @@ def varied(dispersion: Dispersion, draws: Array) -> Varied:
     depth = len(case_shape(template))
     factor = np.ones((len(draws), *(1,) * depth, len(template.vehicle.tanks)))
     changes: list[tuple[Input, Callable[[Real], Real]]] = []
+    run: dict[str, Array] = {}
     for k, parameter in enumerate(dispersion.parameters):
         found, draw = find_input(template, parameter.input), draws[:, k].reshape(-1, *(1,) * depth)
-        if found.quantity is None:
+        if found.noun == "run":
+            own = getattr(dispersion.analysis, found.field)
+            run[found.field] = own * draws[:, k] if parameter.factor else draws[:, k]
+        elif found.quantity is None:
             for j, tank in enumerate(template.vehicle.tanks):
                 if found.names is not None and tank.name in found.names:
                     factor[..., j] *= draw
         else:
             changes.append((found, _change(draw, parameter.factor)))
-    return Varied(case=_rebuilt(template, changes), damping_factor=factor)
+    return Varied(case=_rebuilt(template, changes), damping_factor=factor, run=run)
 
 
 def _change(draw: Array, factor: bool) -> Callable[[Real], Real]:
@@ -177,5 +246,33 @@ def _rebuilt(case: Case, changes: list[tuple[Input, Callable[[Real], Real]]]) ->
     for name in ("engine", "aerodynamics"):
         if (part := getattr(v, name)) is not None:
             given[name] = type(part)(**fields(part, name))
-    autopilot = Autopilot(**fields(case.autopilot, "autopilot"))
+    autopilot = _with_lags(Autopilot(**fields(case.autopilot, "autopilot")), changes)
     return Case(name=case.name, vehicle=Vehicle(**given), autopilot=autopilot, criteria=case.criteria)
+
+
+def _with_lags(pilot: Autopilot, changes: list[tuple[Input, Callable[[Real], Real]]]) -> Autopilot:
+    """Return an autopilot whose actuator and filters are those of one draw."""
+    given: dict[str, Any] = {k: getattr(pilot, k) for k in Autopilot.model_fields}
+    filters, actuator = list(pilot.filter), pilot.actuator
+    for found, change in changes:
+        if found.noun == "filter":
+            for name in found.names or ():
+                k = int(name) - 1
+                filters[k] = Filter(**_scaled(filters[k], float(np.squeeze(change(1.0)))))
+        elif found.noun == "actuator" and actuator is not None:
+            own = {k: getattr(actuator, k) for k in Actuator.model_fields}
+            if found.quantity is _SCALE:
+                own |= _scaled(actuator, float(np.squeeze(change(1.0))))
+            else:
+                own[found.field] = float(np.squeeze(change(own[found.field])))
+            actuator = Actuator(**own)
+    return Autopilot(**(given | {"filter": tuple(filters), "actuator": actuator}))
+
+
+def _scaled(lag: Filter | Actuator, factor: float) -> dict[str, tuple[float, ...]]:
+    """Return numerator and denominator with every root times a factor: s becomes s / factor."""
+    found = {}
+    for part in ("numerator", "denominator"):
+        c = getattr(lag, part)
+        found[part] = tuple(x / factor ** (len(c) - 1 - k) for k, x in enumerate(c))
+    return found

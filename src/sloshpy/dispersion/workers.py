@@ -41,10 +41,10 @@ def computed(
         yield from _in_workers(answer, layout, numbers, workers, case_limit)
         return
     for number in numbers:
-        yield number, _here(answer, *layout.span(number), len(layout.columns))
+        yield number, answered_here(answer, *layout.span(number), len(layout.columns))
 
 
-def _here(answer: Answer, first: int, count: int, columns: int) -> Rows:
+def answered_here(answer: Answer, first: int, count: int, columns: int) -> Rows:
     """Return the rows of some cases; where they raise something unforeseen, each by itself."""
     try:
         rows = answer(first, count)
@@ -54,7 +54,7 @@ def _here(answer: Answer, first: int, count: int, columns: int) -> Rows:
     except Exception as error:  # a fault of ours: the case is listed with it, the campaign goes on
         if count == 1:
             return failed(first, columns, Status.FAILED, f"{type(error).__name__}: {error}"[:200])
-    return joined([_here(answer, k, 1, columns) for k in range(first, first + count)])
+    return joined([answered_here(answer, k, 1, columns) for k in range(first, first + count)])
 
 
 def _in_workers(
@@ -70,7 +70,10 @@ def _in_workers(
                     number = waiting.popleft()
                     first, count = layout.span(number)
                     allowed = START + case_limit * (1.0 + count / PATIENCE)
-                    running[pool.submit(_here, answer, first, count, columns)] = number, time.monotonic() + allowed
+                    running[pool.submit(answered_here, answer, first, count, columns)] = (
+                        number,
+                        time.monotonic() + allowed,
+                    )
                 soonest = min(deadline for _, deadline in running.values())
                 done, _ = wait(running, max(soonest - time.monotonic(), 0.0), return_when=FIRST_COMPLETED)
                 if not done:  # one is late
@@ -217,4 +220,4 @@ def _serve(connection: Connection, answer: Answer, first: int, end: int, columns
     _begin()
     connection.send("ready")
     for case in range(first, end):
-        connection.send(_here(answer, case, 1, columns))
+        connection.send(answered_here(answer, case, 1, columns))

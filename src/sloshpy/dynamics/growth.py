@@ -4,7 +4,7 @@ import numpy as np
 
 from sloshpy.autopilot import PADE_ORDER, delay_error
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import polish, quiet_beyond, system_matrix
+from sloshpy.dynamics.poles import delay_parts, polish, quiet_within, system_matrix
 from sloshpy.units import Array, BoolArray, ComplexArray
 
 NEAR_AXIS = 0.1  # damping ratio: a phase error of 1e-3 rad moves a pole by a hundredth of that
@@ -47,20 +47,39 @@ def is_stable(loop: Loop) -> BoolArray:
 def _approximate(loop: Loop) -> tuple[ComplexArray, Array | None]:
     """Return the poles with the delay approximated, and how far polishing may move each, 1/s; None without a delay.
 
+    Each loop has the approximation that it needs by itself, so that no digit of it depends on its neighbours; shorter
+    lists of poles are filled up with -inf.
+    """
+    a, batch, size = loop.autopilot, loop.batch, int(np.prod(loop.batch))
+    if not np.any(a.dead_time):
+        return np.linalg.eigvals(system_matrix(loop)[0]).astype(complex), None
+    brief = np.zeros(size, dtype=bool) if a.sample_time is not None else quiet_within(loop, BRIEF).reshape(-1)
+    parts = np.zeros(size, dtype=int)
+    if not np.all(brief):
+        parts[~brief] = delay_parts(loop).reshape(-1)[~brief]
+    kinds = np.unique(parts)
+    if len(kinds) == 1:
+        return _of_one_kind(loop, int(kinds[0]))
+    found = [(np.flatnonzero(parts == kind), int(kind)) for kind in kinds]
+    answers = [(index, *_of_one_kind(loop.take(index), kind)) for index, kind in found]
+    width = max(values.shape[-1] for _, values, _ in answers)
+    values, slack = np.full((size, width), -np.inf, dtype=complex), np.zeros((size, width))
+    for index, some, moves in answers:
+        values[index, : some.shape[-1]], slack[index, : some.shape[-1]] = some, moves
+    return values.reshape(*batch, width), slack.reshape(*batch, width)
+
+
+def _of_one_kind(loop: Loop, parts: int) -> tuple[ComplexArray, Array]:
+    """Return the same for loops whose delay takes so many parts, 0 for one of order `BRIEF_ORDER`.
+
     A double pole moves by the root of what disturbs the loop.
     """
-    a, order = loop.autopilot, None
-    tau = np.asarray(a.dead_time)
-    if a.sample_time is None and np.any(tau) and quiet_beyond(loop, BRIEF / float(np.max(tau))):
-        order = BRIEF_ORDER
-    A, groups = system_matrix(loop, delay_order=order)
+    order = PADE_ORDER if parts else BRIEF_ORDER
+    A, _ = system_matrix(loop, delay=(max(parts, 1), order))
     values = np.linalg.eigvals(A).astype(complex)
-    if "delay" not in groups:
-        return values, None
-    if a.sample_time is not None:  # filters and hold are approximated too, and without a bound
+    if loop.autopilot.sample_time is not None:  # filters and hold are approximated too, and without a bound
         return values, np.full(values.shape, np.inf)
-    used = order or PADE_ORDER
-    error = delay_error(tau[..., None], values, groups.count("delay") // used, used)
+    error = delay_error(np.asarray(loop.autopilot.dead_time)[..., None], values, max(parts, 1), order)
     return values, np.asarray(np.abs(values) * (_ROUNDING + 10.0 * np.sqrt(error)))
 
 

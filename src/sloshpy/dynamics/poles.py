@@ -12,7 +12,7 @@ from sloshpy.dynamics.plant import slosh_damping, without_drift
 from sloshpy.dynamics.response import transfer
 from sloshpy.dynamics.sampled import sampled_loop
 from sloshpy.dynamics.sensed import bordering_row, fed
-from sloshpy.units import Array, ComplexArray
+from sloshpy.units import Array, BoolArray, ComplexArray, IntArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,9 +80,12 @@ class Poles:
         )
 
 
-def controller(loop: Loop, delay_order: int | None = None) -> tuple[Array, Array, Array, Array, list[str]]:
+DelayModel = tuple[int, int]  # parts, and the order of the Pade approximation of each
+
+
+def controller(loop: Loop, delay: DelayModel | None = None) -> tuple[Array, Array, Array, Array, list[str]]:
     """Return A, B, C, D of the forward path from what it is fed to beta, and the group of each state."""
-    parts, order = (_delay_parts(loop), PADE_ORDER) if delay_order is None else (1, delay_order)
+    parts, order = delay or (int(np.max(delay_parts(loop))), PADE_ORDER)
     batch = loop.batch
     A, B, C = np.zeros((*batch, 0, 0)), np.zeros((*batch, 0)), np.zeros((*batch, 0))
     D = np.broadcast_to(np.asarray(loop.autopilot.gain, dtype=float), batch)
@@ -125,34 +128,41 @@ def _reach(loop: Loop) -> Array:
     return np.asarray(np.max(np.where(gain < HEARD, 0.0, omega), axis=-1))
 
 
-def _delay_parts(loop: Loop) -> int:
-    """Return how many parts the delay of a loop, or of the worst of a batch, is approximated in."""
-    tau = loop.autopilot.dead_time
-    if not np.any(tau) or quiet_beyond(loop, PART / float(np.max(tau))):
-        return 1
-    return int(np.clip(np.ceil(np.max(_reach(loop) * tau) / PART), 1, MOST_PARTS))
+def delay_parts(loop: Loop) -> IntArray:
+    """Return how many parts the delay of each loop by itself is approximated in, shape of the batch."""
+    if np.all(quiet_within(loop, PART)):
+        return np.ones(loop.batch, dtype=int)
+    return np.clip(np.ceil(_reach(loop) * loop.autopilot.dead_time / PART), 1, MOST_PARTS).astype(int)
 
 
-def quiet_beyond(loop: Loop, limit: float) -> bool:
-    """Return whether no loop of a batch has a gain of `HEARD` above a frequency in rad/s, on a grid as in `_reach`.
+def quiet_within(loop: Loop, lag: float) -> BoolArray:
+    """Return whether each loop's gain is below `HEARD` where its delay turns by more than `lag` rad, as in `_reach`.
 
-    Every tank is given its least damping of the batch, at which peaks are highest: dampings then cost nothing.
+    By vehicle and autopilot alone, every tank undamped, where peaks are highest: many dampings of a plant cost nothing,
+    and the answer for a loop does not depend on its neighbours.
     """
-    least = np.min(loop.damping.reshape(-1, loop.damping.shape[-1]), axis=0)
-    prompt = replace(_without_delay(loop), damping=least)
-    own = np.abs(np.linalg.eigvals(system_matrix(prompt, closed=False)[0]))
-    wide = limit * max(1e3 * float(np.max(own)) / limit, 10.0) ** np.linspace(0.0, 1.0, 30)
-    omega = np.concatenate([np.maximum(own, limit), np.broadcast_to(wide, (*own.shape[:-1], 30))], axis=-1)
-    return bool(np.all(np.abs(transfer(prompt.along(), 1j * omega).loop) < HEARD))
+    tau = np.asarray(loop.autopilot.dead_time, dtype=float)
+    late = tau > 0.0
+    if not np.any(late):
+        return np.ones(loop.batch, dtype=bool)
+    bare = replace(_without_delay(loop), damping=np.zeros(loop.damping.shape[-1]))
+    own = np.abs(np.linalg.eigvals(system_matrix(bare, closed=False)[0]))
+    top = np.max(own, axis=-1, keepdims=True)
+    limit = np.where(late, lag / np.where(late, tau, 1.0), np.inf)[..., None]
+    limit = np.where(np.isfinite(limit), limit, 1e3 * top)
+    wide = limit * np.maximum(1e3 * top / limit, 10.0) ** np.linspace(0.0, 1.0, 30)
+    omega = np.concatenate([np.broadcast_to(np.maximum(own, limit), (*wide.shape[:-1], own.shape[-1])), wide], axis=-1)
+    gain = np.abs(transfer(bare.along(), 1j * omega).loop)
+    return np.broadcast_to(np.all(gain < HEARD, axis=-1) | ~late, loop.batch)
 
 
-def system_matrix(loop: Loop, closed: bool = True, delay_order: int | None = None) -> tuple[Array, list[str]]:
+def system_matrix(loop: Loop, closed: bool = True, delay: DelayModel | None = None) -> tuple[Array, list[str]]:
     """Return the state matrix of the loop, shape (..., N, N), closed or broken at the engine, and its state groups.
 
-    delay_order: of the delay's approximation, in one part; left out, as high as the loop may need.
+    delay: how it is approximated; left out, as well as the worst of the batch needs.
     """
     p = fed(loop)
-    A_c, B_c, C_c, D_c, groups = controller(loop, delay_order)
+    A_c, B_c, C_c, D_c, groups = controller(loop, delay)
     batch, n, k = loop.batch, p.A.shape[-1], A_c.shape[-1]
     sensed = np.broadcast_to(p.c, (*batch, n))
     A = np.zeros((*batch, n + k, n + k))

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from sloshpy.case import Case
-from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Nonlinear, Parameter
+from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Moment, Nonlinear, Parameter
 from sloshpy.dispersion.distribution import Distribution, Triangular, TruncatedNormal, Uniform
-from sloshpy.dispersion.varied import find_input, nominal
+from sloshpy.dispersion.varied import RUN, find_input, nominal, stands_in
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.case_file import read_case
+from sloshpy.files.flight_file import read_flight
 from sloshpy.files.places import Path, Places, find_places
 from sloshpy.files.text_file import beside, read_text
 from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
@@ -21,7 +22,7 @@ from sloshpy.files.wording import nearest, value_at
 from sloshpy.units import Quantity, UnitError, example, parse
 from sloshpy.vehicle.slosh_mass import NAME
 
-_TOP = ("name", "case", "sampling", "coverage", "confidence", "linear", "nonlinear", "vary", "correlation")
+_TOP = ("name", "case", "flight", "sampling", "coverage", "confidence", "linear", "nonlinear", "vary", "correlation")
 _KINDS: dict[str, tuple[type[Uniform] | type[Triangular] | type[TruncatedNormal], tuple[str, ...]]] = {
     "uniform": (Uniform, ("low", "high")),
     "triangular": (Triangular, ("low", "mode", "high")),
@@ -34,6 +35,7 @@ _RUN = {
     "initial_slosh": Quantity("m", above=0.0, most=100.0),
     "gain": Quantity("dB", above=1e-5, below=1e5),
     "delay": Quantity("s", least=0.0, most=5.0),
+    **{name: quantity for name, quantity in RUN.items() if name.startswith("gust_")},
 }
 _READ = {"amplitude": Quantity("m", least=0.0, most=1e3)}
 
@@ -59,8 +61,17 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
     coverage = page.quantity(("coverage",), _PART, 0.99865)
     confidence = page.quantity(("confidence",), _PART, 0.9)
     analysis = _analysis(page)
-    case, digest = _case(page, FilePath(file).parent)
-    parameters = _parameters(page, case)
+    folder = FilePath(file).parent
+    flight: tuple[Moment, ...] = ()
+    case: Case | None = None
+    if "flight" in page.document:
+        flight, digest = _flight(page, folder)
+        case = flight[0].case if flight else None
+    else:
+        case, digest = _case(page, folder)
+    cases = tuple(moment.case for moment in flight) or ((case,) if case is not None else ())
+    parameters = _parameters(page, cases, analysis)
+    _check_gust(page, case, analysis, parameters)
     correlations = _correlations(page, parameters)
     found = once(page.found)
     if found or case is None or name is None or coverage is None or confidence is None:
@@ -75,6 +86,7 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
         coverage=coverage,
         confidence=confidence,
         digest=f"{hashlib.sha256(raw).hexdigest()} {digest}",
+        flight=flight,
     )
 
 
@@ -119,9 +131,11 @@ class _Page:
         self.refuse(path, f"must be one of {', '.join(choices)}", nearest(value, list(choices)))
         return None
 
-    def flag(self, path: Path) -> bool:
+    def flag(self, path: Path, default: bool = False) -> bool:
         value = self.at(path)
-        if value is not None and not isinstance(value, bool):
+        if value is None:
+            return default
+        if not isinstance(value, bool):
             self.refuse(path, "must be true or false", f"write {path[-1]} = true")
         return value is True
 
@@ -181,10 +195,39 @@ def _analysis(page: _Page) -> Linear | Nonlinear:
         read = {k: page.quantity(("nonlinear", k), q, getattr(default, k)) for k, q in _RUN.items()}
         return Nonlinear(**{k: v for k, v in read.items() if v is not None})
     if "linear" in given:
-        page.known_keys(("linear",), page.document["linear"], tuple(_READ))
+        page.known_keys(("linear",), page.document["linear"], (*_READ, "required_damping"))
+        required = page.flag(("linear", "required_damping"), True)
+        amplitude = None
         if "amplitude" in page.document["linear"]:
-            return Linear(amplitude=page.quantity(("linear", "amplitude"), _READ["amplitude"]))
+            amplitude = page.quantity(("linear", "amplitude"), _READ["amplitude"])
+        return Linear(amplitude=amplitude, required=required)
     return Linear()
+
+
+def _flight(page: _Page, folder: FilePath) -> tuple[tuple[Moment, ...], str]:
+    """Return the moments of the flight that is named and the hash of its file; its faults are told as its own."""
+    path: Path = ("flight",)
+    for key, rule in (("case", "stands beside flight"), ("nonlinear", "is asked of one case, not of a flight")):
+        if key in page.document:
+            page.refuse((key,), rule, "leave it out" if key == "case" else "ask [linear] of the flight, or name a case")
+    name = page.text(path, None)
+    try:
+        if name is None:
+            return (), ""
+        file = beside(name, folder)
+        found, hashed = read_flight(file), hashlib.sha256(FilePath(file).read_bytes()).hexdigest()
+    except InputError as error:
+        if error.problems[0].line is None:
+            page.refuse(path, error.problems[0].rule, error.problems[0].cure)
+        page.found += [(path, problem) for problem in error.problems if problem.line is not None]
+        return (), ""
+    except ValueError as error:
+        page.refuse(path, str(error).replace("case file", "dispersion file"), "put the flight file beside it")
+        return (), ""
+    moments = [Moment(phase=p.name, time=float(t), case=c) for p in found for t, c in zip(p.time, p.cases, strict=True)]
+    if any(m.case.criteria != moments[0].case.criteria for m in moments):
+        page.refuse(path, "has phases with different criteria", "give every phase's case the same [criteria]")
+    return tuple(moments), hashed
 
 
 def _case(page: _Page, folder: FilePath) -> tuple[Case | None, str]:
@@ -210,7 +253,7 @@ def _case(page: _Page, folder: FilePath) -> tuple[Case | None, str]:
     return case, " ".join(hashes)
 
 
-def _parameters(page: _Page, case: Case | None) -> dict[str, Parameter]:
+def _parameters(page: _Page, cases: tuple[Case, ...], analysis: Linear | Nonlinear) -> dict[str, Parameter]:
     """Return the parameters by name; without a case their inputs cannot be looked up."""
     parameters: dict[str, Parameter] = {}
     tables = page.tables("vary")
@@ -218,12 +261,10 @@ def _parameters(page: _Page, case: Case | None) -> dict[str, Parameter]:
         page.refuse(("vary",), "is missing: nothing varies", 'add [[vary]] with input = "vehicle.mass"')
     taken: dict[str, str] = {}
     for path, table in tables:
-        parameter = _parameter(page, path, table, case)
-        if parameter is None or case is None:
+        parameter = _parameter(page, path, table, cases, analysis)
+        if parameter is None:
             continue
-        found = find_input(case, parameter.input)
-        several = found.names if found.names is not None else ("",)
-        fields = [f"{found.noun}.{one}.{found.field}" for one in several]
+        fields = list(dict.fromkeys(field for case in cases for field in _fields(case, parameter.input)))
         twice = [taken[field] for field in fields if field in taken]
         if twice:
             page.refuse((*path, "input"), f"varies what {twice[0]} varies", "keep one of the two")
@@ -232,7 +273,29 @@ def _parameters(page: _Page, case: Case | None) -> dict[str, Parameter]:
     return parameters
 
 
-def _parameter(page: _Page, path: Path, table: dict[str, Any], case: Case | None) -> Parameter | None:
+def _check_gust(page: _Page, case: Case | None, analysis: Linear | Nonlinear, parameters: dict[str, Parameter]) -> None:
+    """Refuse a gust of a case that the wind does not move, and what varies of a gust that there is none of."""
+    if case is None or not isinstance(analysis, Nonlinear):
+        return
+    speed, path = parameters.get("run.gust_speed"), ("nonlinear", "gust_speed")
+    blowing = analysis.gust_speed != 0.0 or (speed is not None and not speed.factor)
+    if blowing and case.vehicle.aerodynamics is None:
+        page.refuse(path, "acts by the aerodynamics, and the case has none", "add [aerodynamics] to the case")
+    elif not blowing and any(name.startswith("run.gust_") for name in parameters):
+        page.refuse(path, "is missing: there is no gust that could vary", 'write gust_speed = "10 m/s"')
+
+
+def _fields(case: Case, text: str) -> list[str]:
+    """Return every number of a case that an input means."""
+    if not stands_in(case, text):
+        return []
+    found = find_input(case, text)
+    return [f"{found.noun}.{one}.{found.field}" for one in (found.names if found.names is not None else ("",))]
+
+
+def _parameter(
+    page: _Page, path: Path, table: dict[str, Any], cases: tuple[Case, ...], analysis: Linear | Nonlinear
+) -> Parameter | None:
     before = len(page.found)
     name = page.text((*path, "input"), None)
     kind = page.choice((*path, "distribution"), tuple(_KINDS), None)
@@ -240,13 +303,18 @@ def _parameter(page: _Page, path: Path, table: dict[str, Any], case: Case | None
     systematic = page.flag((*path, "systematic"))
     keys = _KINDS[kind][1] if kind is not None else tuple({k for _, ks in _KINDS.values() for k in ks})
     page.known_keys(path, table, ("input", "distribution", "as", "systematic", *keys))
-    if name is None or kind is None or form is None or case is None:
+    if name is None or kind is None or form is None or not cases:
         return None
+    with_it = [case for case in cases if stands_in(case, name)]
     try:
-        found = find_input(case, name)
+        found = find_input(with_it[0] if with_it else cases[0], name)
     except ValueError as error:
         rule, _, cure = str(error).partition("\n")
         page.refuse((*path, "input"), rule, cure)
+        return None
+    run = analysis if isinstance(analysis, Nonlinear) else None
+    if found.noun == "run" and run is None:
+        page.refuse((*path, "input"), "is asked of a simulation, and the file asks for margins", "write [nonlinear]")
         return None
     quantity = found.quantity
     if form == "absolute" and (quantity is None or (quantity.unit == "dB" and kind == "truncated normal")):
@@ -262,7 +330,10 @@ def _parameter(page: _Page, path: Path, table: dict[str, Any], case: Case | None
         key, _, rule = str(error).partition(": ")
         page.refuse((*path, key), rule, "give bounds that hold the distribution")
         return None
-    values = nominal(case, found)
+    values = [value for case in with_it for value in nominal(case, find_input(case, name), run)]
+    if form == "absolute" and len({float(v) for v in values if v is not None}) > 1 and len(cases) > 1:
+        page.refuse((*path, "as"), "is no form for what changes along the flight", 'write as = "factor"')
+        return None
     for key in ("low", "high"):
         end = getattr(distribution, key)
         _in_range(page, (*path, key), quantity, [end if form == "absolute" else end * v for v in values], end, form)

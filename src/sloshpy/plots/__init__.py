@@ -1,5 +1,6 @@
 """One function per figure: a finished result and Axes in, Axes out."""
 
+from sloshpy.plots.against_time import plot_against_time
 from sloshpy.plots.bode import plot_bode
 from sloshpy.plots.damping_law import plot_damping_law
 from sloshpy.plots.damping_sweep import plot_damping_sweep
@@ -24,6 +25,7 @@ from sloshpy.plots.tvc_gain import plot_tvc_gain
 
 __all__ = [
     "figure_bytes",
+    "plot_against_time",
     "plot_bode",
     "plot_damping_law",
     "plot_damping_sweep",

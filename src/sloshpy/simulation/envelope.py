@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sloshpy.units import Array
+from sloshpy.units import Array, IntArray
 
 CYCLES = 20  # over which the envelope must be level
 LEVEL = 1e-3  # relative change of the envelope allowed over ten cycles
@@ -46,47 +46,98 @@ def settled_envelope(time: Array, signal: Array) -> Envelope:
     return level_envelope(t_high, high, -low)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Envelopes:
+    """The envelopes of many signals, (N,) each; see `Envelope`."""
+
+    amplitude: Array
+    omega: Array
+    reason: tuple[str, ...]
+
+
 def level_envelope(t_high: Array, high: Array, low: Array) -> Envelope:
     """Return the envelope of the last twenty cycles from the times in s and values of maxima and the minima."""
     n = min(len(high), len(low))
-    if n < CYCLES + 1:
-        return _unconverged(f"only {n} cycles, needs more than {CYCLES}")
-    t_high, high, low = t_high[-n:], high[-n:], low[-n:]
-    if np.max(np.abs([high, low])) < REST:
-        return Envelope(amplitude=0.0, omega=np.nan, reason="")
-    half = 0.5 * (high - low)[-CYCLES:]
-    if np.any(half <= 0.0):
-        return _unconverged("no single oscillation")
-    slope = np.polyfit(np.arange(CYCLES), np.log(half), 1)[0]
-    if abs(10.0 * slope) > LEVEL:
-        return _unconverged(
-            f"the envelope changes by {100.0 * np.expm1(10.0 * slope):+.3g} % in ten cycles; run longer"
-        )
-    if np.ptp(half) > SPREAD * np.mean(half):
-        return _unconverged(f"the cycles differ by {100.0 * np.ptp(half) / np.mean(half):.2g} %: several frequencies")
-    away = _remaining(half)
-    if not away <= REMAINING:
-        how = "drifts without slowing down" if np.isinf(away) else f"is still some {100.0 * away:.2g} % from its end"
-        return _unconverged(f"the envelope {how}; run longer")
-    return Envelope(
-        amplitude=float(np.mean(half)),
-        omega=float(2.0 * np.pi * CYCLES / (t_high[-1] - t_high[-1 - CYCLES])),
-        reason="",
+    found = level_envelopes(_filled(t_high, n), _filled(high, n), _filled(low, n), np.array([n]))
+    return Envelope(amplitude=float(found.amplitude[0]), omega=float(found.omega[0]), reason=found.reason[0])
+
+
+def _filled(x: Array, n: int) -> Array:
+    """Return the last of n values as one row of twenty-one, zeros before where there are fewer."""
+    last = x[len(x) - min(n, CYCLES + 1) :]
+    return np.concatenate([np.zeros(CYCLES + 1 - len(last)), last])[None]
+
+
+def level_envelopes(t_high: Array, high: Array, low: Array, count: IntArray) -> Envelopes:
+    """Return the envelopes of many signals from their last twenty-one maxima and minima, the oldest first.
+
+    Args:
+        t_high, high, low: (N, 21), times in s and values of the maxima, values of the minima.
+        count: (N,), how many of both there have been.
+    """
+    half = 0.5 * (high - low)[:, 1:]
+    least = np.min(half, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is no oscillation is sorted out by its reason
+        middle = np.arange(CYCLES) - 0.5 * (CYCLES - 1)
+        slope = _total(np.log(half) * (middle / np.sum(middle**2)))  # of the straight line through the logarithms
+        mean = _total(half) / CYCLES
+        spread = (np.max(half, axis=1) - least) / mean
+        away = _remaining(half, mean)
+        omega = 2.0 * np.pi * CYCLES / (t_high[:, -1] - t_high[:, 0])
+    few = count < CYCLES + 1
+    rest = ~few & (np.max(np.abs(high), axis=1) < REST) & (np.max(np.abs(low), axis=1) < REST)
+    moving = ~few & ~rest
+    faults = (
+        (few, lambda k: f"only {count[k]} cycles, needs more than {CYCLES}"),
+        (moving & ~(least > 0.0), lambda k: "no single oscillation"),
+        (
+            moving & ~(np.abs(10.0 * slope) <= LEVEL),
+            lambda k: f"the envelope changes by {100.0 * np.expm1(10.0 * slope[k]):+.3g} % in ten cycles; run longer",
+        ),
+        (
+            moving & ~(spread <= SPREAD),
+            lambda k: f"the cycles differ by {100.0 * spread[k]:.2g} %: several frequencies",
+        ),
+        (moving & ~(away <= REMAINING), lambda k: f"the envelope {_how_far(float(away[k]))}; run longer"),
+    )
+    reason = np.full(len(high), "", dtype=object)
+    for fault, text in reversed(faults):  # the first that holds stays
+        for k in np.flatnonzero(fault).tolist():
+            reason[k] = f"unconverged: {text(k)}"
+    known = moving & (reason == "")
+    return Envelopes(
+        amplitude=np.where(known, mean, np.where(rest, 0.0, np.nan)),
+        omega=np.where(known, omega, np.nan),
+        reason=tuple(reason.tolist()),
     )
 
 
-def _remaining(half: Array) -> float:
+def in_turn(ring: Array, count: IntArray) -> Array:
+    """Return rings of last values, (N, K), with the oldest first; count: (N,), values that were put in."""
+    kept = ring.shape[1]
+    place = (count[:, None] + np.arange(kept)) % kept
+    return np.take_along_axis(ring, np.where(count[:, None] >= kept, place, np.arange(kept)), axis=1)
+
+
+def _total(x: Array) -> Array:
+    """Return sums over the last axis, one after another: their bits do not depend on how many rows there are."""
+    total = x[..., 0].copy()
+    for k in range(1, x.shape[-1]):
+        total += x[..., k]
+    return total
+
+
+def _remaining(half: Array, size: Array) -> Array:
     """Return how far a geometric approach is from its end, relative; inf where it does not slow down."""
-    third = len(half) // 3
-    first, second = (np.mean(half[k + third : k + 2 * third]) - np.mean(half[k : k + third]) for k in (0, third))
-    size = float(np.mean(half))
-    if abs(second) < 5e-5 * size:  # nothing moves but sampling
-        return 0.0
-    return float(second**2 / abs(first - second) / size) if abs(second) < abs(first) else np.inf
+    third = CYCLES // 3
+    means = [_total(half[:, k * third : (k + 1) * third]) / third for k in range(3)]
+    first, second = means[1] - means[0], means[2] - means[1]
+    away = np.where(np.abs(second) < np.abs(first), second**2 / np.abs(first - second) / size, np.inf)
+    return np.where(np.abs(second) < 5e-5 * size, 0.0, away)  # nothing moves but sampling
 
 
-def _unconverged(why: str) -> Envelope:
-    return Envelope(amplitude=np.nan, omega=np.nan, reason=f"unconverged: {why}")
+def _how_far(away: float) -> str:
+    return "drifts without slowing down" if np.isinf(away) else f"is still some {100.0 * away:.2g} % from its end"
 
 
 def _peaks(time: Array, signal: Array) -> tuple[Array, Array]:

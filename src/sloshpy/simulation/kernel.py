@@ -1,120 +1,168 @@
-"""Many trajectories at once: exact linear flow in modal coordinates, damping as kicks between half flows (Strang).
+"""Many trajectories at once: exact linear flow in modal coordinates, damping as kicks between the flows (Strang).
 
-Eight trajectories run side by side in every innermost loop, which the compiler turns into vector instructions. Compiled
-once and kept in numba's cache.
+    kick 1/2 - flow h - kick - flow h - kick - ... - flow h - kick 1/2
+
+Everything is read in the middle of a kick: before or after it the engine, which the kick of a velocity moves at once,
+would be off by the first order of the step. Trajectories lie side by side on the last axis of every array; each
+innermost loop runs over them and is turned into vector instructions. Nothing in them is rounded otherwise than written,
+so that a trajectory's bits depend neither on its place nor on the width of the vectors. Compiled once and kept in
+numba's cache.
 """
+
+import math
 
 import numba
 import numpy as np
 
 from sloshpy.units import Array
 
-LANES = 8
-KEPT = 48  # last maxima and minima of each signal
+LANES = 64  # trajectories of a group: its few loops are long, and some ten modes stay in the nearer caches
+KEPT = 21  # last maxima and minima of each signal: what the envelope of the last twenty cycles asks for
 
 
-@numba.njit(cache=True, fastmath=False, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def march(
-    start_re: Array,
-    start_im: Array,
-    flow_re: Array,
-    flow_im: Array,
-    velocity_re: Array,
-    velocity_im: Array,
-    push_re: Array,
-    push_im: Array,
-    coupling: Array,
+    start: Array,
+    flow: Array,
+    push: Array,
+    rows: Array,
+    jump: Array,
     coefficient: Array,
     exponent: Array,
-    signal_re: Array,
-    signal_im: Array,
-    slope_re: Array,
-    slope_im: Array,
-    h: Array,
+    gust: Array,
+    h: float,
     steps: int,
     far: float,
     high: Array,
     high_at: Array,
-    high_count: Array,
     low: Array,
-    low_count: Array,
+    count: Array,
     largest: Array,
     diverged: Array,
 ) -> None:
-    """March groups of eight trajectories; results go into the last seven arrays.
+    """March groups of trajectories from rest; results go into the last six arrays.
 
-    Shapes, with G groups, m modes, n tanks, K terms of a law, S signals and 8 lanes last: start, flow (G, m, 8);
-    velocity, push (G, n, m, 8); coupling (G, n, n, 8): change of velocity i by a unit kick on tank j; coefficient,
-    exponent (n, K): force -c |v|^p v; signal, slope (G, S, m, 8): rows of the watched signals and their derivatives;
-    h (G, 8): s; high, high_at, low (G, S, KEPT, 8): last maxima, their steps, minima; counts (G, S, 8); largest
-    (G, S, 8): greatest magnitude of each signal; diverged (G, 8): step at which a signal went beyond `far`, else -1.
+    Shapes, with G groups, Q fours of modes, n tanks, K terms of a law, S = n + 1 signals and L lanes last: start, flow
+    (G, Q, 8 L): real and imaginary part of each mode in turn; push (G, n, Q, 8 L), likewise; rows (G, n + 1, Q, 16 L),
+    by whose product with the modes the R = 2 n + 2 numbers are read, in pairs: velocity of each slosh mass, its
+    displacement, engine angle, its rate; of each mode real and imaginary part for the first of a pair, then for the
+    second, the imaginary part with its sign; jump (G, R, n, L): of these by a unit kick on a tank; coefficient
+    (G, n, K, L), exponent (n, K): force -c |v|^p v; gust (G, E, 3, L): peak in m/s, start and duration in s of none
+    or one, whose place in push and jump is behind the tanks; h: s; high, high_at, low (G, S, KEPT, L): last maxima,
+    their times in s, minima; count (G, S, 2, L): how many maxima and minima; largest (G, S, L): greatest magnitude of
+    each signal; diverged (G, L): step at which a signal went beyond `far`, else -1.
     """
-    groups, modes = start_re.shape[0], start_re.shape[1]
-    n, watched = coefficient.shape[1], signal_re.shape[1]
-    for g in range(groups):
-        y, x = start_re[g].copy(), start_im[g].copy()
-        v, kick = np.zeros((n, LANES)), np.zeros((n, LANES))
-        value, slope = np.zeros((watched, LANES)), np.zeros((watched, LANES))
-        old, old_slope = np.zeros((watched, LANES)), np.zeros((watched, LANES))
-        rate = np.zeros(LANES)
+    n, kicked = coefficient.shape[1], push.shape[1]
+    pairs, kick, work = np.zeros((n + 1, 2 * LANES)), np.zeros((kicked, LANES)), np.zeros((n, LANES))
+    read = pairs.reshape(2 * n + 2, LANES)
+    value, slope = np.zeros((n + 1, LANES)), np.zeros((n + 1, LANES))
+    old, old_slope = np.zeros((n + 1, LANES)), np.zeros((n + 1, LANES))
+    for g in range(start.shape[0]):
+        state = start[g].copy()
         for k in range(steps + 1):
+            _read(pairs, rows[g], state)
             if k > 0:
-                _flow(y, x, flow_re[g], flow_im[g])
-                for j in range(n):
-                    v[j, :] = 0.0
-                    kick[j, :] = 0.0
-                    for m in range(modes):
-                        for lane in range(LANES):
-                            v[j, lane] += (
-                                velocity_re[g, j, m, lane] * y[m, lane] - velocity_im[g, j, m, lane] * x[m, lane]
-                            )
-                for sweep in range(2):  # forward and back: symmetric in time
-                    for turn in range(n):
-                        j = turn if sweep == 0 else n - 1 - turn
-                        for lane in range(LANES):
-                            here = abs(v[j, lane])
-                            grip = _grip(coefficient[g, j], exponent[j], lane, here)
-                            reach = 0.25 * h[g, lane] * coupling[g, j, j, lane]
-                            here = here * np.exp(-grip * reach)  # to the middle of the kick
-                            grip = _grip(coefficient[g, j], exponent[j], lane, here)
-                            rate[lane] = v[j, lane] * (np.exp(-grip * 2.0 * reach) - 1.0) / coupling[g, j, j, lane]
-                            kick[j, lane] += rate[lane]
-                        for i in range(n):
-                            for lane in range(LANES):
-                                v[i, lane] += coupling[g, i, j, lane] * rate[lane]
-                for j in range(n):
-                    for m in range(modes):
-                        for lane in range(LANES):
-                            y[m, lane] += push_re[g, j, m, lane] * kick[j, lane]
-                            x[m, lane] += push_im[g, j, m, lane] * kick[j, lane]
-                _flow(y, x, flow_re[g], flow_im[g])
-            for q in range(watched):
-                old[q, :] = value[q, :]
-                old_slope[q, :] = slope[q, :]
-                value[q, :] = 0.0
-                slope[q, :] = 0.0
-                for m in range(modes):
-                    for lane in range(LANES):
-                        value[q, lane] += signal_re[g, q, m, lane] * y[m, lane] - signal_im[g, q, m, lane] * x[m, lane]
-                        slope[q, lane] += slope_re[g, q, m, lane] * y[m, lane] - slope_im[g, q, m, lane] * x[m, lane]
-                for lane in range(LANES):
-                    size = abs(value[q, lane])
-                    if size > largest[g, q, lane]:
-                        largest[g, q, lane] = size
-                    if not size < far and diverged[g, lane] < 0:
-                        diverged[g, lane] = k
-                    if k > 0 and old_slope[q, lane] * slope[q, lane] < 0.0:
-                        at, peak = _extremum(
-                            old[q, lane], value[q, lane], old_slope[q, lane], slope[q, lane], h[g, lane]
-                        )
-                        if slope[q, lane] < 0.0:
-                            slot = high_count[g, q, lane] % KEPT
-                            high[g, q, slot, lane] = peak
-                            high_at[g, q, slot, lane] = (k - 1) * h[g, lane] + at
-                            high_count[g, q, lane] += 1
-                        else:
-                            low[g, q, low_count[g, q, lane] % KEPT, lane] = peak
-                            low_count[g, q, lane] += 1
+                for j in range(n, kicked):
+                    _blow(kick[j], gust[g, j - n], k * h, h)
+                _kicks(kick, work, read, jump[g], coefficient[g], exponent, h)
+            else:
+                kick[:] = 0.0  # at rest
+            old, value, old_slope, slope = value, old, slope, old_slope
+            _middle(value, slope, read, kick, jump[g], h)
+            result = high[g], high_at[g], low[g], count[g], largest[g], diverged[g]
+            _watch(value, slope, old, old_slope, k, h, far, *result)
+            _move(state, push[g], kick, flow[g])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _read(pairs: Array, rows: Array, state: Array) -> None:
+    """Put the products of rows and modes into `pairs`, four modes and two rows at a time.
+
+    Few long loops over few arrays: the compiler asks before each whether the arrays overlap.
+    """
+    for p in range(rows.shape[0]):
+        out = pairs[p]
+        for i in range(2 * LANES):
+            out[i] = 0.0
+        for q in range(state.shape[0]):
+            c, x = rows[p, q], state[q]
+            for i in range(LANES):
+                a0, b0, a1, b1 = x[i], x[LANES + i], x[2 * LANES + i], x[3 * LANES + i]
+                a2, b2, a3, b3 = x[4 * LANES + i], x[5 * LANES + i], x[6 * LANES + i], x[7 * LANES + i]
+                first = c[i] * a0 + c[LANES + i] * b0 + (c[4 * LANES + i] * a1 + c[5 * LANES + i] * b1)
+                second = c[2 * LANES + i] * a0 + c[3 * LANES + i] * b0
+                second += c[6 * LANES + i] * a1 + c[7 * LANES + i] * b1
+                third = (
+                    c[8 * LANES + i] * a2 + c[9 * LANES + i] * b2 + (c[12 * LANES + i] * a3 + c[13 * LANES + i] * b3)
+                )
+                fourth = c[10 * LANES + i] * a2 + c[11 * LANES + i] * b2
+                fourth += c[14 * LANES + i] * a3 + c[15 * LANES + i] * b3
+                out[i] += first + third
+                out[LANES + i] += second + fourth
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _move(state: Array, push: Array, kick: Array, flow: Array) -> None:
+    """Give the modes the kicks of all tanks and let them flow for a step."""
+    for j in range(kick.shape[0]):
+        k = kick[j]
+        for q in range(state.shape[0]):
+            x, p = state[q], push[j, q]
+            for part in range(8):
+                for i in range(LANES):
+                    x[part * LANES + i] += p[part * LANES + i] * k[i]
+    for q in range(state.shape[0]):
+        x, f = state[q], flow[q]
+        for m in range(4):
+            re, im = 2 * m * LANES, (2 * m + 1) * LANES
+            for i in range(LANES):
+                a, b = x[re + i], x[im + i]
+                x[re + i] = f[re + i] * a - f[im + i] * b
+                x[im + i] = f[re + i] * b + f[im + i] * a
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _kicks(kick: Array, work: Array, read: Array, jump: Array, coefficient: Array, exponent: Array, h: float) -> None:
+    """Put into `kick` (n, L) the integral of each tank's force over a step, its velocity driven by nothing else.
+
+    One after another, forth and back with half the step, which is symmetric in time. A single square law |v| v is
+    followed exactly, v / (1 + h c |v|); others by an exponential at the middle of the kick.
+    """
+    n, lanes = work.shape
+    given = np.empty(lanes)
+    kick[:n] = 0.0
+    work[:] = read[:n]
+    for j in range(n, len(kick)):  # half a gust before the damping and half behind it
+        for i in range(n):
+            for lane in range(lanes):
+                work[i, lane] += 0.5 * jump[i, j, lane] * kick[j, lane]
+    square = exponent.shape[1] == 1 and np.all(exponent == 1.0)
+    sweeps = 1 if n == 1 else 2
+    part = h / sweeps
+    for turn in range(sweeps * n):
+        j = turn if turn < n else 2 * n - 1 - turn
+        if square:
+            for lane in range(lanes):
+                drag = part * coefficient[j, 0, lane] * abs(work[j, lane])
+                given[lane] = -drag * work[j, lane] / (1.0 + drag * jump[j, j, lane])
+        else:
+            for lane in range(lanes):
+                v, own = work[j, lane], jump[j, j, lane]
+                here = abs(v) * np.exp(-0.5 * part * own * _grip(coefficient[j], exponent[j], lane, abs(v)))
+                given[lane] = v * np.expm1(-part * own * _grip(coefficient[j], exponent[j], lane, here)) / own
+        for lane in range(lanes):
+            kick[j, lane] += given[lane]
+        for i in range(n):
+            for lane in range(lanes):
+                work[i, lane] += jump[i, j, lane] * given[lane]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _blow(kick: Array, gust: Array, time: float, h: float) -> None:
+    """Put into `kick` (L,) what gusts (3, L), (1 - cos) / 2 of their peak, give in a step about a time in s."""
+    for lane in range(LANES):
+        part = (time - gust[1, lane]) / gust[2, lane]
+        kick[lane] = 0.5 * h * gust[0, lane] * (1.0 - np.cos(2.0 * np.pi * part)) if 0.0 < part < 1.0 else 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -130,13 +178,58 @@ def _grip(coefficient: Array, exponent: Array, lane: int, speed: float) -> float
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _flow(y: Array, x: Array, re: Array, im: Array) -> None:
-    """Turn every mode by half a step."""
-    for m in range(y.shape[0]):
-        for lane in range(LANES):
-            a = re[m, lane] * y[m, lane] - im[m, lane] * x[m, lane]
-            x[m, lane] = re[m, lane] * x[m, lane] + im[m, lane] * y[m, lane]
-            y[m, lane] = a
+def _middle(value: Array, slope: Array, read: Array, kick: Array, jump: Array, h: float) -> None:
+    """Put in the signals and slopes of the middle of a kick: half of it, its mean force in the engine's slope."""
+    n, lanes = len(value) - 1, kick.shape[1]
+    for q in range(n + 1):
+        at, rising = n + q, q if q < n else 2 * n + 1
+        for lane in range(lanes):
+            value[q, lane], slope[q, lane] = read[at, lane], read[rising, lane]
+        for j in range(len(kick)):
+            for lane in range(lanes):
+                value[q, lane] += 0.5 * jump[at, j, lane] * kick[j, lane]
+                slope[q, lane] += 0.5 * jump[rising, j, lane] * kick[j, lane]
+    for j in range(len(kick)):
+        for lane in range(lanes):
+            slope[n, lane] += jump[2 * n, j, lane] * kick[j, lane] / h
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _watch(
+    value: Array,
+    slope: Array,
+    old: Array,
+    old_slope: Array,
+    k: int,
+    h: float,
+    far: float,
+    high: Array,
+    high_at: Array,
+    low: Array,
+    count: Array,
+    largest: Array,
+    diverged: Array,
+) -> None:
+    """Take in the signals of step k: greatest magnitude, divergence, and an extremum where a slope changed its sign."""
+    signals, lanes = value.shape
+    for q in range(signals):
+        for lane in range(lanes):
+            size = abs(value[q, lane])
+            largest[q, lane] = size if size > largest[q, lane] else largest[q, lane]
+        for lane in range(lanes):
+            if old_slope[q, lane] * slope[q, lane] < 0.0 and k > 0:
+                at, peak = _extremum(old[q, lane], value[q, lane], old_slope[q, lane], slope[q, lane], h)
+                largest[q, lane] = max(largest[q, lane], abs(peak))
+                if slope[q, lane] < 0.0:
+                    slot = count[q, 0, lane] % KEPT
+                    high[q, slot, lane] = peak
+                    high_at[q, slot, lane] = (k - 1) * h + at
+                    count[q, 0, lane] += 1
+                else:
+                    low[q, count[q, 1, lane] % KEPT, lane] = peak
+                    count[q, 1, lane] += 1
+            elif not abs(value[q, lane]) < far and diverged[lane] < 0:
+                diverged[lane] = k
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -144,20 +237,9 @@ def _extremum(a: float, b: float, da: float, db: float, h: float) -> tuple[float
     """Return time and value of the extremum of the cubic through two values and slopes of opposite sign."""
     c2 = 3.0 * (b - a) - h * (2.0 * da + db)
     c3 = 2.0 * (a - b) + h * (da + db)
-    low, high = 0.0, 1.0
-    t = da / (da - db)
-    for _ in range(30):  # Newton's method on the slope, kept within the step
-        f = h * da + 2.0 * c2 * t + 3.0 * c3 * t * t
-        if (f > 0.0) == (da > 0.0):
-            low = t
-        else:
-            high = t
-        df = 2.0 * c2 + 6.0 * c3 * t
-        new = t - f / df if df != 0.0 else 0.5 * (low + high)
-        if not low < new < high:
-            new = 0.5 * (low + high)
-        if abs(new - t) < 1e-12:
-            t = new
-            break
-        t = new
+    # slope: 3 c3 t^2 + 2 c2 t + h da, of opposite signs at 0 and 1: one root between
+    q = -(c2 + math.copysign(math.sqrt(max(c2 * c2 - 3.0 * c3 * h * da, 0.0)), c2))
+    t = h * da / q
+    if not 0.0 <= t <= 1.0:
+        t = min(max(q / (3.0 * c3), 0.0), 1.0)
     return t * h, a + t * (h * da + t * (c2 + t * c3))

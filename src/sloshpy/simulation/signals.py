@@ -58,15 +58,18 @@ class Pulse:
 
 @dataclass(frozen=True, kw_only=True)
 class OneMinusCosine:
-    """The discrete gust: (1 - cos(2 pi t / duration)) / 2 of its peak `size`, from `start` on, both in s."""
+    """The discrete gust: (1 - cos(2 pi t / duration)) / 2 of its peak `size`, from `start` on, both in s.
 
-    size: float
-    duration: float
-    start: float = 0.0
+    Arrays where `simulate_ensemble` is given one for each run.
+    """
+
+    size: Real
+    duration: Real
+    start: Real = 0.0
 
     @property
     def jumps(self) -> Array:
-        return np.array([self.start, self.start + self.duration])
+        return np.array([self.start, np.asarray(self.start) + self.duration], dtype=float)
 
     def __call__(self, time: Real) -> Array:
         t = (np.asarray(time, dtype=float) - self.start) / self.duration

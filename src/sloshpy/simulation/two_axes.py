@@ -14,8 +14,8 @@ from sloshpy.case import Case, continuous
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.poles import system_matrix
 from sloshpy.errors import OutsideValidity
-from sloshpy.simulation.ensemble import engine_row, slosh_rows
 from sloshpy.simulation.envelope import Envelope, settled_envelope
+from sloshpy.simulation.state_rows import engine_row, slosh_rows
 from sloshpy.units import Array
 
 if TYPE_CHECKING:
