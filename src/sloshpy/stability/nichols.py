@@ -123,6 +123,11 @@ def _log_slope(loop: Loop, curves: Curves) -> ComplexArray:
     return np.asarray((transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h * curves.loop))
 
 
+_T = np.linspace(0.0, 1.0, 13)
+# how a cubic rises along a piece, by its whole rise and the slopes at both ends
+_CUBIC = np.array([_T**2 * (3.0 - 2.0 * _T), _T * (1.0 - _T) ** 2, -(_T**2) * (1.0 - _T)])
+
+
 def hidden_pieces(
     loop: Loop,
     curves: Curves,
@@ -139,29 +144,31 @@ def hidden_pieces(
     lie on the same side. slope: d ln L / d ln omega, needed at the ends of those pieces; valley: see `valley_samples`.
     """
     k = among[_divisible(curves)[among]]
-    ratio = np.log(curves.omega[k + 1] / curves.omega[k])[:, None]
-    step = _steps(loop, curves, k)[:, None]
-    d0, d1 = slope[k][:, None] * ratio, slope[k + 1][:, None] * ratio
-    t = np.linspace(0.0, 1.0, 13)
-    rise = step * t**2 * (3.0 - 2.0 * t) + d0 * t * (1.0 - t) ** 2 - d1 * t**2 * (1.0 - t)
-    start = np.log(-curves.loop[k])[:, None]
-    x = ((start + rise).real / np.log(gain_margin), (start + rise).imag / phase_margin)
+    step = _steps(loop, curves, k)
+    chord = np.hypot(step.real / np.log(gain_margin), step.imag / phase_margin)
+    long = chord > 1e-4
+    k, step, chord = k[long], step[long], chord[long]
+    ratio = np.log(curves.omega[k + 1] / curves.omega[k])
+    terms, start = np.stack([step, slope[k] * ratio, slope[k + 1] * ratio], axis=-1), np.log(-curves.loop[k])
+    x = [
+        ((part(terms) @ _CUBIC + part(start)[:, None]) / unit)
+        for part, unit in ((np.real, np.log(gain_margin)), (np.imag, phase_margin))
+    ]
     turn = 2.0 * np.pi / phase_margin
-    x = (x[0], x[1] - turn * np.round(x[1][:, 6:7] / turn))  # to the critical point nearest the middle
-    chord = np.hypot(step.real / np.log(gain_margin), step.imag / phase_margin)[:, 0]
-    distance = np.hypot(*x)
-    change = np.diff(distance**2, axis=-1)
-    low = np.argmin(distance, axis=-1)
+    x[1] -= turn * np.round(x[1][:, 6:7] / turn)  # to the critical point nearest the middle
+    squared = x[0] ** 2 + x[1] ** 2
+    change = np.diff(squared, axis=-1)
+    low = np.argmin(squared, axis=-1)
     seen = valley[k] | valley[k + 1]
-    onward = change * np.sign(distance[:, -1:] - distance[:, :1])
+    onward = change * np.sign(squared[:, -1:] - squared[:, :1])
     flat = np.min(onward, axis=-1) < 0.5 * np.mean(np.abs(change), axis=-1)
     split = flat & ~seen & (chord > 1e-3)
-    split |= (low > 0) & (low < 12) & ~seen & (chord > 1e-4)
+    split |= (low > 0) & (low < 12) & ~seen
     for part in x:
         same = part[:, 0] * part[:, -1] > 0.0
         split |= same & (np.min(part * np.sign(part[:, :1]), axis=-1) < 0.1 * chord) & (chord > 0.01)
     inner = np.where((low > 0) & (low < 12), low, 6) / 12.0
-    where = curves.omega[k] * np.exp(ratio[:, 0] * inner)
+    where = curves.omega[k] * np.exp(ratio * inner)
     return k[split], where[split]
 
 
