@@ -185,7 +185,7 @@ time = "t"
 def test_dynamic_pressure_scales_the_normal_force(folder):
     air = '[aerodynamics]\nnormal_force_slope = "2e5 N"\ncenter_of_pressure = "9 m"\nspeed = "400 m/s"\n'
     (folder / "stage.toml").write_text(CASE + air)
-    (folder / "burns.csv").write_text("t [s],q [kPa]\n0,10\n20,40\n30,20\n")
+    (folder / "burns.csv").write_text("t [s],q [kPa]\n0,10\n20,40\n20,40\n30,20\n")
     columns = FLIGHT[FLIGHT.index('"vehicle.mass"') : FLIGHT.index("[[phase]]")]
     text = FLIGHT.replace(columns, '"aerodynamics.dynamic_pressure" = "q"\n')
     text = text.replace("tables =", 'reference_dynamic_pressure = "20 kPa"\ntables =')
@@ -263,6 +263,7 @@ def test_a_missing_value_and_a_link_to_another_file_are_refused(folder):
         ("burns.csv", "10,15.5", "10,", 4, "is blank"),
         ("burns.csv", "0,16,", "10,16,", 4, "stands twice, first in line 3"),
         ("burns.csv", "10,15.5", "21,15.5", 5, "must increase, but follows 21 s in line 4"),
+        ("burns.csv", "20,15,0.083,y,930\n20,", "20,", 5, "stands once, for the end of phase"),
         ("burns.csv", "20,15,0.083,y,930\n20,", "19,15,0.083,y,930\n21,", 5, "has no row at 20 s, the end"),
         ("burns.csv", "m [t]", "m", 2, "has no unit"),
         ("burns.csv", "m [t]", "m [m]", 2, "is a length, must be a mass"),

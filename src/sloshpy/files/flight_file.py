@@ -213,6 +213,11 @@ class _Reader:
                 continue  # its columns mean nothing before the case is read
             found = self._table(path, name, one, [c for c in users if c is not None], events)
             if found is not None:
+                uses = [d for d in declared if d is not None and name in d.tables]
+                inner = {a.end: (a.name, b.name) for a in uses for b in uses if b.start == a.end}
+                one_sided = found.one_sided(inner)
+                if one_sided:
+                    self._faults_of((*path, "file"), InputError(*one_sided))
                 read[name] = found
         return read
 

@@ -85,6 +85,20 @@ class FlightTable:
             tanks=self.tanks,
         )
 
+    def one_sided(self, events: dict[float, tuple[str, str]]) -> list[Problem]:
+        """Return the events with one row for both sides; events: times and the phases before and after that use it.
+
+        A row that stands for both sides says that nothing jumps, or that a side was forgotten, and does not say which.
+        """
+        found = []
+        for when, (before, after) in sorted(events.items()):
+            rows = np.flatnonzero(_same(self.time, when))
+            if len(rows) == 1:
+                rule = f'stands once, for the end of phase "{before}" and the start of phase "{after}"'
+                cure = "give a row for each side, before and after the event; the same twice where nothing jumps"
+                found.append(self.problem(int(rows[0]), "time", rule, cure, f"{when:g} s"))
+        return found
+
     def at(self, key: str, time: Array) -> Array:
         """Return a column at times within the table, linear or monotone cubic, always within its neighbours' range."""
         if not self.pchip:

@@ -112,7 +112,7 @@ def _limited(case: Case) -> tuple[Cycle, ...]:
     loop = open_loop(case)
     for j, tank in enumerate(case.vehicle.tanks):
         low, high = amplitude_range(tank.damping)
-        amplitude = np.geomspace(low, high, POINTS)
+        amplitude = np.geomspace(low, high, max(POINTS, int(POINTS * np.log(high / low) / np.log(1e7))))
         modes = limited_modes(case, j, amplitude)
         for k in range(len(amplitude) - 1):
             one, other = modes[k], modes[k + 1]

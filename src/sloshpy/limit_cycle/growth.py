@@ -15,6 +15,7 @@ from sloshpy.case import Case
 from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
+from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import Follower, Mode
 from sloshpy.units import Array, ComplexArray
 
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RELATED = 1e-3  # relative: how far beyond two points of a curve a limit cycle is still between them
-SMALL = 1e-7  # of the greatest amplitude: where a branch starts
+SMALL = 1e-7  # of the greatest amplitude: where a branch starts, or farther down:
+NOTHING = 1e-6  # of damping ratio, more than which no law may have given there
+TINIEST = 1e-120  # of the greatest amplitude: what has not fallen there is a constant under another name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,11 +159,28 @@ def follow(case: Case, tank: int, high: float | None = None, low: float | None =
     loop, laws = open_loop(case), [t.damping for t in case.vehicle.tanks]
     law = laws[tank]
     high = amplitude_range(law)[1] if high is None else high
-    start = min(SMALL * high, high if low is None else low)
+    start = min(SMALL * high, high if low is None else low, *(_fallen(other, high, NOTHING) for other in laws))
+    if start == 0.0:
+        raise OutsideValidity(
+            "a tank's damping hardly falls with the amplitude: what the loop does at small amplitude is not reached; "
+            "give a constant, or an exponent of 0.05 and more"
+        )
     poles = closed_loop_poles(loop)
     pole = complex(poles.value[poles.tank.index(loop.plant.tanks[tank])])
     follower = Follower(loop=loop, laws=laws, tank=tank)
     return follower.along(pole, max(start, law.smallest_amplitude), high)
+
+
+def _fallen(law: DampingLaw, most: float, rest: float) -> float:
+    """Return the amplitude in m, of those below the greatest, up to which a law adds no more than a ratio to that at 0.
+
+    0 where it always adds more. A law whose data start later is read from there, and says nothing here.
+    """
+    if law.smallest_amplitude > 0.0:
+        return most
+    below = most * np.geomspace(TINIEST, 1.0, 481)
+    little = law.ratio(below) - law.ratio(0.0) <= rest
+    return float(below[np.argmin(little) - 1]) if little[0] and not np.all(little) else most if little[0] else 0.0
 
 
 def amplitude_range(law: DampingLaw) -> tuple[float, float]:
@@ -168,7 +188,7 @@ def amplitude_range(law: DampingLaw) -> tuple[float, float]:
     most = law.largest_amplitude if np.isfinite(law.largest_amplitude) else float(law.amplitude(0.3))
     if not (np.isfinite(most) and most > 0.0):
         most = 1.0  # m: a constant law has no scale of its own
-    return max(SMALL * most, law.smallest_amplitude), most
+    return max(min(SMALL * most, _fallen(law, most, 100.0 * NOTHING)), TINIEST * most, law.smallest_amplitude), most
 
 
 def _curve(case: Case, tank: int, modes: tuple[Mode, ...]) -> GrowthCurve:
