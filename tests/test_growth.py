@@ -7,13 +7,15 @@ import pytest
 
 import oracle
 import sloshpy
-from cases import paper_case
+from cases import PAPER_LAW, paper_case
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.dynamics import closed_loop_poles, open_loop
+from sloshpy.errors import OutsideValidity
 from sloshpy.files import read_case
-from sloshpy.limit_cycle import growth_curve, limit_cycles
+from sloshpy.limit_cycle import growth_curve, limit_cycles, liveliest_tank
 from sloshpy.simulation import simulate
 from sloshpy.stability import required_damping
+from sloshpy.vehicle import SloshMass
 
 DATA = Path(sloshpy.__file__).parent / "data"
 DIP = TableDamping(amplitude=[0.0, 0.07, 0.15, 0.3, 0.5, 0.8], ratio=[0.005, 0.026, 0.029, 0.020, 0.030, 0.045])
@@ -181,3 +183,28 @@ def test_a_cycle_of_strongly_coupled_tanks_is_the_oracles():
     np.testing.assert_allclose(list(cycle.slosh_amplitude.values()), A, rtol=1e-7)
     assert cycle.omega == pytest.approx(W, rel=1e-8)
     assert cycle.stable
+
+
+@pytest.mark.parametrize(("exponent", "slope"), [(0.1, 0.03), (0.15, 0.02), (0.25, 0.025)])
+def test_a_law_of_low_exponent_hides_no_limit_cycle(exponent, slope):
+    """At 1e-7 of the amplitude at which it gives 30 % such a law still damps more than the cycle needs."""
+    case = paper_case(PowerDamping(slope=slope, exponent=exponent))
+    curve = growth_curve(case)
+    assert curve.growth[0] == pytest.approx(0.05112516, rel=5e-4)  # theory.md: at no damping
+    (cycle,) = limit_cycles(case)
+    neutral = (0.0239287 / slope) ** (1.0 / exponent)  # in the law's own convention, at the slosh frequency
+    # relative error of the neutral damping times 1/exponent; 2.0/2.132783 turns it into the cycle's own frequency
+    assert cycle.slosh_amplitude["LOX"] == pytest.approx(neutral * 2.0 / 2.132783, rel=1e-3)
+
+
+def test_a_law_that_never_falls_is_refused():
+    with pytest.raises(OutsideValidity, match="hardly falls with the amplitude"):
+        growth_curve(paper_case(PowerDamping(slope=0.024, exponent=0.02)))
+
+
+def test_the_liveliest_tank_is_the_one_whose_mode_grows():
+    quiet = SloshMass(name="quiet", slosh_mass=60.0, station=3.0, frequency=3.1, damping=PAPER_LAW)
+    case = paper_case(more=(quiet,))
+    assert liveliest_tank(case) == 0
+    turned = case.model_copy(update={"vehicle": case.vehicle.model_copy(update={"tanks": case.vehicle.tanks[::-1]})})
+    assert liveliest_tank(turned) == 1

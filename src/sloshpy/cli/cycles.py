@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sloshpy.cli.app import app
-from sloshpy.cli.options import CaseFile, Output, Tank, figure_path, save, tank_of
+from sloshpy.cli.options import CaseFile, LivelyTank, Output, Tank, figure_path, lively_tank_of, save, tank_of
 from sloshpy.errors import OutsideValidity
 from sloshpy.files import read_case
 from sloshpy.limit_cycle import (
@@ -40,12 +40,12 @@ def limit_cycle(case: CaseFile, *, tank: Tank = None, output: Output = None) -> 
 
 
 @app.command
-def growth(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+def growth(case: CaseFile, *, tank: LivelyTank = None, output: Output = None) -> int:
     """Print and draw how a tank's slosh mode grows over its amplitude, and every limit cycle of the loop as given."""
     from sloshpy import plots  # matplotlib: only when something is drawn
 
     read, path = read_case(case), figure_path(case, output, "growth")
-    curve = growth_curve(read, tank_of(read, tank))
+    curve = growth_curve(read, lively_tank_of(read, tank))
     print(curve)
     cycles = limit_cycles(read)
     print("\n".join(f"  {cycle}" for cycle in cycles) or "  no limit cycle of the loop as given")
@@ -53,12 +53,12 @@ def growth(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
 
 
 @app.command(name="map")
-def map_command(case: CaseFile, *, tank: Tank = None, output: Output = None) -> int:
+def map_command(case: CaseFile, *, tank: LivelyTank = None, output: Output = None) -> int:
     """Print and draw the limit cycle over extra gain and delay, with the disc margin and the engine's limit on it."""
     from sloshpy import plots  # matplotlib: only when something is drawn
 
     read, path = read_case(case), figure_path(case, output, "map")
-    result = degradation_map(read, tank_of(read, tank))
+    result = degradation_map(read, lively_tank_of(read, tank))
     print(result)
     return save(plots.plot_degradation_map(result), path)
 

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from sloshpy.case import Case
 from sloshpy.dynamics import open_loop
 from sloshpy.errors import InputError, Problem
+from sloshpy.limit_cycle import liveliest_tank
 from sloshpy.units import Array, UnitError, parse
 
 CaseFile = Annotated[Path, Parameter(help="case file (TOML)")]
@@ -24,6 +25,9 @@ Amplitude = Annotated[
     str | None, Parameter(help="slosh amplitude at which each law is read: 0.2m, or LOX=0.2m,LH2=0.1m")
 ]
 Tank = Annotated[str | None, Parameter(help="name of the tank; default: the first")]
+LivelyTank = Annotated[
+    str | None, Parameter(help="name of the tank; default: whose slosh grows fastest at small amplitude")
+]
 
 
 def figure_path(case: Path, output: Path | None, name: str) -> Path:
@@ -125,6 +129,11 @@ def tank_of(case: Case, name: str | None) -> int:
     if name is not None and name not in names:
         raise refused("--tank", name, "is no tank of the case", f"one of {', '.join(names)}")
     return 0 if name is None else names.index(name)
+
+
+def lively_tank_of(case: Case, name: str | None) -> int:
+    """Return the number of a tank by its name, without one that of the liveliest slosh mode."""
+    return liveliest_tank(case) if name is None and case.vehicle.tanks else tank_of(case, name)
 
 
 def ratio_of(option: str, text: str) -> float:

@@ -50,6 +50,8 @@ def simulate_command(
     start = quantity("--initial-slosh", initial_slosh, "m")
     if not 0.0 < start <= 100.0:
         raise refused("--initial-slosh", initial_slosh, "must be > 0 m and <= 100 m", "from rest nothing starts")
+    if tank is not None and not degraded:
+        raise refused("--tank", tank, "is for --degraded: every tank is simulated", "drop it, or add --degraded")
     if degraded:
         predicted = predict_limit_cycle(read, tank_of(read, tank))
         if not predicted.band.size or predicted.delay < 0.0:

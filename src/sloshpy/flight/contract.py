@@ -33,6 +33,7 @@ def _worst(one: Worst) -> dict[str, Any]:
         "criterion": one.criterion,
         "value": one.value,
         "unit": one.unit,
+        "in_words": one.shown,
         "limit": one.bound,
         "met": one.met,
         "time": one.time,

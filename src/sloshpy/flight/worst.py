@@ -137,7 +137,7 @@ def _margins(reviews: Sequence[PhaseReview]) -> list[Worst]:
         found.append(
             Worst(
                 criterion=f"disc margin, {mode}",
-                value=value,
+                value=value if slosh else abs(value),
                 unit="1",
                 shown="loop UNSTABLE" if slosh and unstable else f"{abs(value):.4f}",
                 bound=limit,

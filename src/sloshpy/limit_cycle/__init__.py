@@ -3,7 +3,7 @@
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.limit_cycle.degradation_map import DegradationMap, degradation_map
 from sloshpy.limit_cycle.five_steps import LimitCycle, predict_limit_cycle
-from sloshpy.limit_cycle.growth import GrowthCurve, growth_curve
+from sloshpy.limit_cycle.growth import GrowthCurve, growth_curve, liveliest_tank
 from sloshpy.limit_cycle.periodic_orbit import PeriodicOrbit, periodic_orbit
 from sloshpy.limit_cycle.two_axes import TwoAxisCycle, two_axis_cycles
 
@@ -17,6 +17,7 @@ __all__ = [
     "degradation_map",
     "growth_curve",
     "limit_cycles",
+    "liveliest_tank",
     "periodic_orbit",
     "predict_limit_cycle",
     "two_axis_cycles",

@@ -147,6 +147,14 @@ def growth_curve(case: Case, tank: int | str = 0, amplitude: Array | None = None
     return _curve(case, tank, tuple(found))
 
 
+def liveliest_tank(case: Case) -> int:
+    """Return the number of the tank whose slosh mode grows fastest, or dies out slowest, at small amplitude."""
+    single(case, "liveliest_tank")
+    poles = closed_loop_poles(open_loop(case))
+    known = [(p.real, name) for p, name in zip(poles.value, poles.tank, strict=True) if name is not None]
+    return case.tank_index(max(known)[1]) if known else 0
+
+
 def follow(case: Case, tank: int, high: float | None = None, low: float | None = None) -> tuple[Mode, ...]:
     """Return the modes of a tank's branch from small amplitude on.
 

@@ -212,7 +212,7 @@ def _minima(loop: Loop, curves: Curves, criteria: Criteria, below: float) -> tup
     sample = nichols_disc_margin(curves.loop, GM, PM)
     k = np.flatnonzero(valley_samples(sample, curves.index) & (least_beside(sample) <= below))
     owner = curves.index[k]
-    omega, value = _least(squared, (curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]), owner)
+    omega, value = least_in(squared, (curves.omega[k - 1], curves.omega[k], curves.omega[k + 1]), owner)
     if loop.plant.velocity_only:  # the air makes the static gain finite: the curve may be nearest at its start
         first = _nearest_at_the_start(curves, GM, PM)
         owner, omega = np.append(owner, curves.index[first]), np.append(omega, curves.omega[first])
@@ -220,7 +220,7 @@ def _minima(loop: Loop, curves: Curves, criteria: Criteria, below: float) -> tup
     return owner, omega, np.sqrt(np.maximum(value, 0.0))
 
 
-def _least(
+def least_in(
     squared: Callable[[Array, IntArray], Array], bracket: tuple[Array, Array, Array], owner: IntArray
 ) -> tuple[Array, Array]:
     """Return where a function is least in each bracket, the middle below both ends, and its value there.

@@ -11,8 +11,10 @@ from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
+from sloshpy.dynamics.response import transfer
 from sloshpy.stability.family import sampled_family
-from sloshpy.stability.margins import Margins, loop_margins
+from sloshpy.stability.margins import Margins, least_in, loop_margins
+from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.touching import touching_critical_point, touching_level, with_ratio
 from sloshpy.units import Array, BoolArray, IntArray
 
@@ -23,6 +25,7 @@ MOST_RATIO = 1.0  # critical slosh damping: the search ends here
 LEVELS = 41  # damping values scanned: 0, then up to 1 in steps of a quarter, below a thousandth of three quarters
 SMALL = 2  # coordinates of a plant whose response is a formula
 BLOCK = 19  # of them at a time, from above
+NARROW = 0.1  # of a resonance's relative width, which is about the damping: where a minimum is sought once more
 PROOF = 1e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
 
 
@@ -220,7 +223,25 @@ class _Search:
             self.loop, index, self.tank, self.threshold, self.criteria, start, np.array([low, high])
         )
         proved = self._proved(self.lacking, ratio, PROOF * ratio, index)
-        return np.where(np.isnan(proved), np.nan, at), proved
+        return self._least_beside(at, proved, index), proved
+
+    def _least_beside(self, omega: Array, ratio: Array, index: IntArray) -> Array:
+        """Return where the minimum beside a frequency lies at a damping, rad/s; nan where there is none.
+
+        Its value hardly depends on where, the gain and the phase that lead from there to the critical point do.
+        """
+        known = np.flatnonzero(np.isfinite(ratio))
+        found = np.full(len(ratio), np.nan)
+        if len(known):
+            one = with_ratio(self.loop, index[known], self.tank, ratio[known])
+
+            def squared(w: Array, row: IntArray) -> Array:
+                L = transfer(one.take(row), 1j * w).loop
+                return nichols_disc_margin(L, self.criteria.gain_margin, self.criteria.phase_margin) ** 2
+
+            w, aside = omega[known], 1.0 + NARROW * np.maximum(ratio[known], 1e-6)
+            found[known] = least_in(squared, (w / aside, w, w * aside), np.arange(len(known)))[0]
+        return found
 
     def neutral_candidate(self, low: Array, high: Array, index: IntArray) -> Array:
         """Return where a pole crosses the imaginary axis between two dampings; nan where that is not proved."""
