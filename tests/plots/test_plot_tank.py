@@ -12,6 +12,9 @@ SHAPES = {
     "capsule": {"kind": "capsule", "radius": 2.0, "barrel": 3.0, "dome": 1.2},
     "toroid": {"kind": "toroid", "ring_radius": 2.0, "tube_radius": 0.8},
     "cylinder": {"kind": "cylinder", "radius": 1.0, "height": 3.0},
+    "sphere": {"kind": "sphere", "radius": 2.5},
+    "slender": {"kind": "capsule", "radius": 1.0, "barrel": 10.0, "dome": 0.7},
+    "dish": {"kind": "cylinder", "radius": 5.0, "height": 1.5},
 }
 
 
@@ -24,7 +27,7 @@ def tank(name: str) -> Tank:
 def test_the_section_is_to_scale_and_says_what_is_in_it(name):
     found = slosh_masses(tank(name))
     ax = plots.plot_tank(found)
-    ax.figure.canvas.draw()
+    ax.figure.draw_without_rendering()
     assert ax.get_aspect() == 1.0
     text = " ".join(t.get_text() for t in ax.texts)
     assert f"{found.spring_height[0]:.4g} m" in text
@@ -38,6 +41,9 @@ def test_the_section_is_to_scale_and_says_what_is_in_it(name):
         t.arrow_patch = t.arrowprops = None  # a leader may pass under another text
     boxes = [t.get_window_extent() for t in ax.texts]
     assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+    boxes.append(ax.xaxis.label.get_window_extent())
+    page = ax.figure.bbox
+    assert all(page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1 for box in boxes)
 
 
 def test_the_history_is_drawn_as_computed():
@@ -89,3 +95,18 @@ def test_a_smooth_tank_is_drawn_damped_alike_at_any_amplitude_and_a_bare_one_is_
     assert line.get_ydata()[0] == line.get_ydata()[1] > 0.0
     with pytest.raises(OutsideValidity):
         plots.plot_tank_damping(tank_damping(slosh_masses(tank("capsule"))))
+
+
+def test_the_damping_of_a_tank_whose_rings_are_left_out_says_so():
+    sphere = Tank(
+        name="LOX",
+        fill=1.2,
+        acceleration=9.81,
+        liquid={"density": 1e3, "kinematic_viscosity": 1e-6},
+        shape={"kind": "sphere", "radius": 1.0},
+        baffle=[{"height": 0.8, "width": 0.1}],
+    )
+    ringed = plots.plot_tank_damping(tank_damping(slosh_masses(sphere))).get_title(loc="left")
+    assert "ring baffles left out" in " ".join(ringed.split())
+    bare = plots.plot_tank_damping(tank_damping(slosh_masses(sphere.model_copy(update={"baffle": ()}))))
+    assert "ring" not in bare.get_title(loc="left")

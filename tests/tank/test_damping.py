@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tanks import CAPSULE, CYLINDER, tank
+from tanks import BULKHEAD, CAPSULE, CYLINDER, SPHERE, tank
 
 from sloshpy.errors import OutsideValidity
 from sloshpy.tank import baffle_damping, slosh_masses, tank_damping, wall_damping
@@ -157,6 +157,14 @@ def test_the_law_is_in_slosh_mass_displacement():
     assert found.largest_amplitude == pytest.approx(0.2 / (eta / A))
 
 
+WAISTED = {
+    "kind": "contour",
+    "z": [0, 0, 1, 2, 3],
+    "r": [0, 1, 0.5, 1, 1],
+}  # the barrel ends 0.2 m below the ring, 0.3 m deep
+BULGED = {"kind": "contour", "z": [0, 0, 2.25, 2.35, 2.45, 3], "r": [0, 1, 1, 0.9, 1, 1], "straight": True}
+
+
 @pytest.mark.parametrize(
     ("modes", "why"),
     [
@@ -164,11 +172,32 @@ def test_the_law_is_in_slosh_mass_displacement():
         (lambda: _ringed(6.0), "no ring baffle is wet"),
         (lambda: _ringed(4.5, width=0.5), "wider than 0.2"),
         (lambda: _ringed(0.6, fill=0.9, shape=CAPSULE), "formula is of a cylinder"),
+        (lambda: _ringed(0.8, width=0.1, fill=1.2, shape=SPHERE | {"radius": 1.0}), "radius is 0.* m at 0.7 m"),
+        (
+            lambda: _ringed(2.0, fill=4.0, shape={"kind": "spheroid", "radius": 2.0, "half_height": 3.0}),
+            "of a cylinder",
+        ),
+        (lambda: _ringed(2.2, width=0.1, fill=2.5, shape=WAISTED), "formula is of a cylinder"),
+        (lambda: _ringed(2.2, width=0.1, fill=2.5, shape=BULGED), "radius is 0.9 m at 2.35 m"),
+        (lambda: _ringed(0.6, width=0.2, fill=2.0, shape=BULKHEAD), "an inner wall rises to 0.5 m"),
     ],
 )
 def test_baffle_damping_is_refused_outside_its_formula(modes, why):
     with pytest.raises(OutsideValidity, match=why):
         baffle_damping(modes())
+
+
+def test_a_ring_in_the_barrel_of_a_capsule_counts_as_in_a_cylinder_and_is_left_out_near_its_end():
+    """Barrel from 1.2 to 4.2 m."""
+    high, both = (baffle_damping(_ringed(*z, fill=4.0, shape=CAPSULE)) for z in ((3.0,), (3.0, 2.0)))
+    assert high.coefficient == pytest.approx(ring_coefficient(0.1, 0.5, "coogan-green"))
+    assert not any("less than the ring's depth" in reason for reason in high.reasons)
+    assert both.coefficient == high.coefficient
+    assert any("below the ring of 2 m: left out" in reason for reason in both.reasons)
+    with pytest.raises(OutsideValidity, match=r"by the ring of 2 m"):
+        baffle_damping(_ringed(2.0, fill=4.0, shape=CAPSULE))
+    with pytest.raises(OutsideValidity, match=r"by the ring of 1.3 m"):
+        baffle_damping(_ringed(1.3, fill=4.0, shape=CAPSULE))
 
 
 def test_what_strains_the_formula_is_told():

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from sloshpy.plots.style import ALARM, GREY, INK, SAFE, SHADE, SMALL, curve_style, finish
 from sloshpy.tank import FillHistory, SloshModes
@@ -13,6 +14,7 @@ from sloshpy.tank import FillHistory, SloshModes
 _DISC = 0.32  # of the tank's radius: a disc of all the liquid's mass
 _WAVE = 0.18  # of the surface's radius: the wave as drawn
 _MARGIN = 1.06
+_SECTION = 0.64  # of the figure's width; the rest is for labels
 
 
 def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
@@ -20,7 +22,8 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
 
     Places are to scale; the areas of the discs are as the masses; the wave is drawn higher than it may be.
     """
-    ax = Figure(figsize=(7.2, 5.6), layout="constrained").add_subplot() if ax is None else ax
+    own = ax is None
+    ax = _section_axes() if ax is None else ax
     tank, section = found.tank, found.section
     width = max(float(np.max(wall[0])) for wall in found.walls)
     height = tank.height
@@ -48,7 +51,7 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
             (float(H_s), f"slosh mass {n + 1}: {mass:.6g} kg,\n{found.f_hz[n]:.4g} Hz, spring at {H_s:.4g} m", ALARM)
         )
     _disc(ax, found, found.fixed_mass_height, found.fixed_mass, width, INK)
-    fixed = f"fixed mass: {found.fixed_mass:.6g} kg, {found.fixed_mass_height:.4g} m"
+    fixed = f"fixed mass: {found.fixed_mass:.6g} kg,\n{found.fixed_mass_height:.4g} m"
     labels.append((found.fixed_mass_height, fixed, INK))
     top, hinge = _MARGIN * height, float(found.hinge_height[0])
     where = f"hinge of the equal\npendulum: {hinge:.4g} m"
@@ -66,14 +69,21 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
     ax.set_aspect("equal")
     ax.set_ylim(low, top)
     ax.set_xlim(-_MARGIN * width, _MARGIN * width)
-    _column(ax, labels, _MARGIN * width, low, top)
+    _column(ax, labels, _MARGIN * width, low, top, in_layout=not own)
     share = f"{100.0 * section.volume / tank.volume:.3g} % full"
     sloshing = f"{100.0 * found.slosh_mass[0] / found.liquid_mass:.3g} % of {found.liquid_mass:.6g} kg"
     message = f"{tank.name}, {share}: {sloshing} slosh at {found.f_hz[0]:.3g} Hz"
     ax.set_anchor("W")
     finish(ax, message, "Distance from the axis [m]", "Height above the lowest point [m]")
+    ax.set_xlabel(ax.get_xlabel(), loc="left")  # under a slender tank it would begin beyond the page
     ax.grid(False)
     return ax
+
+
+def _section_axes() -> Axes:
+    """Return the Axes of a new figure, with room on the right for the longest label."""
+    figure = Figure(figsize=(7.2, 5.6), layout=ConstrainedLayoutEngine(rect=(0.0, 0.0, _SECTION, 1.0)))
+    return figure.add_subplot()
 
 
 def _radius_at(found: SloshModes, height: float) -> float:
@@ -103,7 +113,9 @@ def _spring(ax: Axes, wall: float, height: float) -> None:
     ax.plot(x, height + zigzag, color=ALARM, linewidth=1.0, zorder=6)
 
 
-def _column(ax: Axes, labels: Sequence[tuple[float, str, str]], edge: float, low: float, top: float) -> None:
+def _column(
+    ax: Axes, labels: Sequence[tuple[float, str, str]], edge: float, low: float, top: float, in_layout: bool
+) -> None:
     """Write the labels beside the section, in the order of their heights, each with a leader."""
     rows = sorted(labels)
     gap = max(0.1 * (top - low), 0.2 * edge)  # two lines of text, in a tall tank and in a flat one
@@ -112,7 +124,8 @@ def _column(ax: Axes, labels: Sequence[tuple[float, str, str]], edge: float, low
     words: dict[str, Any] = {"textcoords": "data", "ha": "left", "va": "center", "fontsize": SMALL}
     for k, (height, text, color) in enumerate(rows):
         at = (1.18 * edge, first + gap * k)
-        ax.annotate(text, (edge, height), at, color=color, arrowprops=line, annotation_clip=False, **words)
+        said = ax.annotate(text, (edge, height), at, color=color, arrowprops=line, annotation_clip=False, **words)
+        said.set_in_layout(in_layout)  # an aspect that is kept spoils the layout's measure of what stands outside
 
 
 def plot_fill_history(found: FillHistory, ax: Sequence[Axes] | None = None) -> tuple[Axes, ...]:

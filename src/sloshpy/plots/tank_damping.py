@@ -12,6 +12,7 @@ from sloshpy.tank import TankDamping
 def plot_tank_damping(found: TankDamping, ax: Axes | None = None) -> Axes:
     """Draw xi over the slosh-mass displacement with its parts; the range in which the formulas hold is shaded.
 
+    The message says where ring baffles of the tank are left out.
     The axis above counts the wave height at the wall.
 
     Raises:
@@ -46,5 +47,6 @@ def plot_tank_damping(found: TankDamping, ax: Axes | None = None) -> Axes:
 def _message(found: TankDamping) -> str:
     name, end = found.modes.tank.name, found.law.largest_amplitude
     if np.isinf(end):
-        return f"{name} is damped by {percent(found.law.ratio(0.0))} at any amplitude"
+        without = ", ring baffles left out: no formula holds" if found.rings_left_out else ""
+        return f"{name} is damped by {percent(found.law.ratio(0.0))} at any amplitude{without}"
     return f"{name} is damped by up to {percent(found.law.ratio(end))}, at {end:.3g} m of slosh"

@@ -50,6 +50,7 @@ def flat_bottom(section: LiquidSection, modes: int) -> Modal:
         floor_friction=floor[n],
         friction_error=np.full(modes, 1e-10),
         method="closed form",
+        fixed_error=1e-8,  # a difference of greater numbers
     )
 
 

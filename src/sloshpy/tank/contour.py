@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sloshpy.tank.pieces import Curve, Line, Piece, curve_along, curve_through, polygon_through
+from sloshpy.tank.pieces import Curve, Line, Piece, Polygon, curve_along, curve_through, polygon_through
 from sloshpy.units import Array, BoolArray, refusal
 
 MOST_POINTS = 5000
@@ -134,6 +134,39 @@ def _exactly(r: Array, z: Array, straight: bool) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
+def curves_through(r: Array, z: Array) -> tuple[Piece, ...] | None:
+    """Return the wall with a curve wherever four segments or more may mean one; None where that is the wall as it is.
+
+    They may where the points are alike far apart and turn by less than 30 degrees, whatever their curvatures: those of
+    rounded points scatter.
+    """
+    points = list(zip(r.tolist(), z.tolist(), strict=True))
+    turn, length = _turn(r, z), np.hypot(np.diff(r), np.diff(z))
+    joined = [abs(turn[k]) > 1e-7 and not _apart(float(turn[k]), length[k - 1 : k + 1]) for k in range(1, len(length))]
+    known = sum(len(piece.knots) - 1 for piece in _exactly(r, z, straight=False) if isinstance(piece, Curve))
+    pieces: list[Piece] = []
+    k = 0
+    while k < len(length):
+        end = k + 1
+        while end < len(length) and joined[end - 1]:
+            end += 1
+        curve: Curve | Polygon | None = curve_through(points[k : end + 1]) if end - k >= _LEAST_RUN else None
+        while isinstance(curve, Curve) and not _rises(curve, _CLOSE):  # rounded points lead a curve back down a little
+            curve = curve.coarse
+        if isinstance(curve, Curve):
+            pieces.append(curve)
+            known -= end - k
+        else:
+            pieces += _lines(points[k : end + 1])
+        k = end
+    return tuple(pieces) if known < 0 else None
+
+
+def scatters(r: Array, z: Array, straight: bool) -> bool:
+    """Return whether the wall through points is taken along them, since they scatter."""
+    return len(_exactly(r, z, straight)) > _MOST_PIECES
+
+
 def _roughly(r: Array, z: Array, straight: bool) -> tuple[Piece, ...]:
     """Return the wall through many points that scatter, as digitised or rounded ones do, in a few pieces.
 
@@ -196,11 +229,15 @@ def _bent(turn: Array, length: Array, r: Array, z: Array) -> BoolArray:
     return np.asarray(alike | (one & (np.nan_to_num(first) + np.nan_to_num(last) != 0.0)))
 
 
-def _rises(curve: Curve) -> bool:
-    """Return whether a curve through rising points rises between them too and stays off the axis."""
+def _rises(curve: Curve, fall: float = 0.0) -> bool:
+    """Return whether a curve through rising points rises between them too and stays off the axis.
+
+    fall: how far it may fall in all the same, of its size.
+    """
     s = (curve.knots[:-1, None] + np.diff(curve.knots)[:, None] * np.linspace(0.0, 1.0, 17)).ravel()
     size = float(np.max(np.abs(curve.point(s))))
-    return bool(np.all(np.diff(curve.point(s)[1]) >= 0.0) and np.all(curve.point(s)[0] >= -1e-12 * size))
+    r, z = curve.point(s)
+    return bool(np.all(np.maximum.accumulate(z) - z <= fall * size) and np.all(r >= -1e-12 * size))
 
 
 def _lines(points: list[tuple[float, float]]) -> list[Piece]:

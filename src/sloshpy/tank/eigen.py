@@ -8,7 +8,7 @@ from sloshpy.errors import OutsideValidity
 from sloshpy.tank.friction import wall_friction
 from sloshpy.tank.liquid import LiquidSection
 from sloshpy.tank.mesh import SectionMesh, first_mesh
-from sloshpy.tank.modal import Modal
+from sloshpy.tank.modal import Modal, fixed_part
 from sloshpy.tank.potential import Potentials, TooCoarseError, potentials
 from sloshpy.units import Array, IntArray
 
@@ -26,37 +26,43 @@ def modes_by_elements(section: LiquidSection, modes: int, wanted: int, tolerance
 
     Of the modes, the first that are wanted must be so good; the others are as good as they come.
     The error estimate is the greatest relative change of a mode's numbers by the last refinement, times three times
-    what the changes shrink by (0.1 at least and 1 at most), and what a contour's points leave open. Where the mesh may
-    grow no further it is above the tolerance and says so.
+    what the changes shrink by (0.1 at least and 1 at most). Where the mesh may grow no further it is above the
+    tolerance and says so.
 
     Raises:
         OutsideValidity: the section cannot be meshed.
     """
     mesh, before = first_mesh(section), None
     error = change = np.full(modes, np.inf)
+    fixed = np.inf
     while True:
-        found = _solved(mesh, modes)
-        now = _in_metres(found, section)
+        found = solved(mesh, modes)
+        now = in_metres(found, section)
         if before is not None:
             coarser, earlier = before
-            last, change = change, _change(earlier, now, section)
+            lid = abs(now.lid_volume / earlier.lid_volume - 1.0)
+            last, change = change, np.maximum(change_of_modes(earlier, now, section), lid)
             shrinking = np.where(np.isfinite(last), change / np.maximum(last, 1e-300), 1.0)
-            error = np.maximum(change * np.clip(_CAUTION * shrinking, 0.1, 1.0), _LEAST_ERROR)
+            caution = np.clip(_CAUTION * shrinking, 0.1, 1.0)
+            error = np.maximum(change * caution, _LEAST_ERROR)
+            fixed = change_of_fixed(earlier, section, now, section, wanted) * float(np.max(caution[:wanted]))
             if np.all(error[:wanted] < tolerance) or len(found.indicator) > 0.6 * _MOST_TRIANGLES:
                 break
         before, mesh = (found, now), found.mesh.refined(_worst(found.indicator))
     friction, floor = _friction(found)
     return replace(
         now,
-        error=error + section.doubt,
+        error=error,
         friction=friction,
         floor_friction=floor,
-        friction_error=np.abs(_friction(coarser)[0] / friction - 1.0) + section.doubt,
+        friction_error=np.abs(_friction(coarser)[0] / friction - 1.0),
+        fixed_error=max(fixed, _LEAST_ERROR),
         method=f"finite elements: {len(found.indicator)} quartic triangles",
     )
 
 
-def _solved(mesh: SectionMesh, modes: int) -> Potentials:
+def solved(mesh: SectionMesh, modes: int) -> Potentials:
+    """Return the potentials on a mesh, refined no more than they need to exist."""
     for _ in range(20):
         try:
             return potentials(mesh, modes, mesh.section.cg_height / mesh.scale)
@@ -81,7 +87,8 @@ def _friction(found: Potentials) -> Array:
     return wall_friction(found.mesh, found.basis, found.q) / of_volume / found.mesh.scale
 
 
-def _in_metres(found: Potentials, section: LiquidSection) -> Modal:
+def in_metres(found: Potentials, section: LiquidSection) -> Modal:
+    """Return the modes' numbers in m, without their errors and the friction on the wall."""
     a, p = found.mesh.scale, found
     wall, nothing = p.surface_shape[:, -1:], np.zeros(len(p.kappa))
     mass = np.pi * a**3 * p.kappa * p.surface_moment**2 / p.surface_square
@@ -100,10 +107,11 @@ def _in_metres(found: Potentials, section: LiquidSection) -> Modal:
         floor_friction=nothing,
         friction_error=nothing,
         method="",
+        fixed_error=0.0,
     )
 
 
-def _change(before: Modal, now: Modal, section: LiquidSection) -> Array:
+def change_of_modes(before: Modal, now: Modal, section: LiquidSection) -> Array:
     """Return the greatest relative change of each mode's numbers; of heights relative to the surface's radius.
 
     A slosh mass that is nothing against the liquid is compared with a thousandth of it, and has no height.
@@ -117,6 +125,12 @@ def _change(before: Modal, now: Modal, section: LiquidSection) -> Array:
         (now.mass_volume - before.mass_volume) / mass,
         felt * height / section.radius,
         felt * (now.wave - before.wave) / np.where(felt > 0.0, now.wave, 1.0),
-        np.full(len(now.kappa), (now.lid_volume - before.lid_volume) / now.lid_volume),
     ]
     return np.asarray(np.max(np.abs(changes), axis=0))
+
+
+def change_of_fixed(before: Modal, was: LiquidSection, now: Modal, section: LiquidSection, wanted: int) -> float:
+    """Return the change of the inertia that the modes wanted leave to the fixed mass, relative to the lesser one."""
+    old = fixed_part(before, was.volume, was.cg_height, wanted)[2]
+    new = fixed_part(now, section.volume, section.cg_height, wanted)[2]
+    return abs(new - old) / min(abs(new), abs(old))

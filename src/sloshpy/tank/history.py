@@ -4,12 +4,15 @@ import functools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import ValidationError
 
 from sloshpy.errors import OutsideValidity
+from sloshpy.tank.contour_doubt import Doubt, doubt_of
+from sloshpy.tank.shapes import Contour
 from sloshpy.tank.slosh_masses import SloshModes, slosh_masses
 from sloshpy.tank.tank import Fill, Tank
 from sloshpy.tank.tank_damping import TankDamping, tank_damping
@@ -34,9 +37,12 @@ _OF_TANK = {
     "fixed_mass_height": "m",
     "fixed_mass_inertia": "kg m^2",
     "rigid_lid_inertia": "kg m^2",
+    "rigid_lid_error": "1",
+    "fixed_inertia_error": "1",
 }
 
 
+_DOUBTED = 9  # depths of a history at which the doubt about a contour is found
 _OF_DAMPING = {"wall_damping": "1", "constant_damping": "1", "ring_coefficient": "m^-1/2", "ring_amplitude": "m"}
 
 
@@ -165,7 +171,8 @@ def slosh_masses_history(
     """Return the slosh masses of a tank at each of several fills.
 
     A fill that leaves no free surface, or an acceleration that holds no liquid down, has no slosh masses: its row is
-    nan and says why.
+    nan and says why. What the points of a contour leave open is found at nine depths; between two of them counts the
+    greater.
 
     Args:
         tank: shape, liquid, modes; its own fill is not used.
@@ -182,19 +189,52 @@ def slosh_masses_history(
     if t is not None and (t.shape != (count,) or not np.all(np.diff(t) > 0.0)):
         raise ValueError(f"time must be {count} increasing values, one for each fill")
     shared = {name: getattr(tank, name) for name in Tank.model_fields if name not in {"fill", "acceleration"}}
-    rows: list[SloshModes | None] = []
+    tanks: list[Tank | None] = []
     reasons: list[str] = []
     for one, a_k in zip(fill, a, strict=True):
-        row, reason = None, ""
+        reason, filled = "", None
         try:
             level = one if isinstance(one, str | Fill) else float(one)
-            row = slosh_masses(Tank(fill=level, acceleration=float(a_k), **shared))
+            filled = Tank(fill=level, acceleration=float(a_k), **shared)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             key = next((str(step) for step in (*first["loc"], *first.get("ctx", {}).get("key", ()))), "")
             reason = f"{key} {first.get('ctx', {}).get('rule', first['msg'])}"
-        except OutsideValidity as error:
-            reason = str(error)
-        rows.append(row)
+        tanks.append(filled)
         reasons.append(reason)
+    doubts = _doubts(tanks)
+    rows: list[SloshModes | None] = [None] * count
+    for k, filled in enumerate(tanks):
+        try:
+            rows[k] = None if filled is None else slosh_masses(filled, doubt=doubts[k])
+        except OutsideValidity as error:
+            reasons[k] = str(error)
     return FillHistory(tank=tank, rows=tuple(rows), reason=tuple(reasons), time=t, acceleration=np.array(a))
+
+
+def _doubts(tanks: Sequence[Tank | None]) -> list[Doubt | None]:
+    """Return what the points of a contour leave open at each fill: at some depths, and the greater of two between."""
+    found: list[Doubt | None] = [None] * len(tanks)
+    there = [k for k, tank in enumerate(tanks) if tank is not None and isinstance(tank.shape, Contour)]
+    if len(there) <= _DOUBTED:
+        return found
+    depth = {k: tank.depth for k, tank in enumerate(tanks) if k in there and tank is not None}
+    there.sort(key=lambda k: depth[k])
+    # evenly far apart in depth, and both ends: the doubt is of the wall near the surface
+    wanted = np.linspace(depth[there[0]], depth[there[-1]], _DOUBTED)
+    at = sorted({int(np.argmin([abs(depth[k] - z) for k in there])) for z in wanted} | {0, len(there) - 1})
+    known: dict[int, Doubt | None] = {}
+    for place in at:
+        tank = tanks[there[place]]
+        assert tank is not None
+        assert isinstance(tank.shape, Contour)
+        try:
+            known[place] = doubt_of(tank.shape, tank.section, tank.modes + 1, tank.modes)
+        except OutsideValidity:
+            known[place] = None  # the row will say so; its neighbours find their own
+    for low, high in pairwise(at):
+        a, b = known[low], known[high]
+        for place in range(low, high + 1):
+            own = known.get(place)
+            found[there[place]] = own or (a.beside(b) if a and b else None)
+    return found

@@ -1,15 +1,27 @@
 """The liquid at rest in a tank: its half section, volume, centre of gravity and free surface."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from sloshpy.tank.pieces import Line, Piece, doubt, moments, reach
-from sloshpy.tank.shapes import Shape
+from sloshpy.tank.pieces import Line, Piece, moments, reach
 from sloshpy.units import Array, Real
 
 WALL, AXIS, SURFACE = "wall", "axis", "surface"
 _FILM = 1e-9  # of the depth: a fill given by volume may end so far above an edge of the wall
+
+
+class Walled(Protocol):
+    """What has walls, from the lowest point up: a shape."""
+
+    @property
+    def outer(self) -> tuple[Piece, ...]:
+        """The outer wall."""
+
+    @property
+    def inner(self) -> tuple[Piece, ...]:
+        """The inner wall, or none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +49,7 @@ class LiquidSection:
     """The liquid's half section: its boundary once around, from the lowest point along the outer wall.
 
     volume, m^3; cg_height and depth above the lowest point, m; the surface reaches from inner_radius (0: the axis) to
-    radius, m. doubt: share of the volume that the points of a contour leave open.
+    radius, m.
     """
 
     boundary: tuple[Part, ...]
@@ -46,7 +58,6 @@ class LiquidSection:
     cg_height: float
     radius: float
     inner_radius: float
-    doubt: float
 
     @property
     def surface_inertia(self) -> float:
@@ -54,7 +65,7 @@ class LiquidSection:
         return 0.25 * np.pi * (self.radius**4 - self.inner_radius**4)
 
 
-def liquid_section(shape: Shape, depth: float) -> LiquidSection:
+def liquid_section(shape: Walled, depth: float) -> LiquidSection:
     """Return the section of the liquid up to a depth in m."""
     outer, inner = _below(shape.outer, depth), _below(shape.inner, depth)
     radius = float(outer[-1].point(1.0)[0])
@@ -75,7 +86,6 @@ def liquid_section(shape: Shape, depth: float) -> LiquidSection:
         cg_height=first / volume,
         radius=radius,
         inner_radius=inner_radius,
-        doubt=sum(doubt(part.piece) for part in [*outer, *inner]) / volume,
     )
 
 
@@ -91,7 +101,7 @@ def _below(wall: tuple[Piece, ...], depth: float) -> list[Part]:
     return parts
 
 
-def moments_below(shape: Shape, depth: float) -> tuple[float, float]:
+def moments_below(shape: Walled, depth: float) -> tuple[float, float]:
     """Return the volume in m^3 and its first moment about the lowest point in m^4 of what lies below a depth."""
     total = np.zeros(2)
     for wall, sign in ((shape.outer, 1.0), (shape.inner, -1.0)):
@@ -100,7 +110,7 @@ def moments_below(shape: Shape, depth: float) -> tuple[float, float]:
     return float(total[0]), float(total[1])
 
 
-def depth_of_volume(shape: Shape, volume: float, height: float) -> float:
+def depth_of_volume(shape: Walled, volume: float, height: float) -> float:
     """Return the depth in m that a volume in m^3 fills, to the last digits."""
     from scipy.optimize import brentq  # 0.3 s: only where a fill is given by volume
 

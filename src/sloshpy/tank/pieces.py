@@ -90,7 +90,7 @@ class Curve:
 
     spline: "CubicSpline | BSpline"
     knots: Array
-    coarse: "Curve | Polygon"  # of half as many points, or straight: the difference is what the points leave open
+    coarse: "Curve | Polygon"  # of half as many points, or straight: the difference tells what the points leave open
 
     @property
     def straight(self) -> bool:
@@ -158,18 +158,6 @@ def curve_along(points: Sequence[tuple[float, float]], intervals: int) -> Curve:
     knots = np.concatenate([[0.0], at[1:-1], [1.0]])
     spline = make_lsq_spline(length, p, np.concatenate([[0.0] * 3, knots, [1.0] * 3]), w=weight)
     return Curve(spline=spline, knots=knots, coarse=Polygon(length=length, points=p))
-
-
-def doubt(piece: Piece) -> float:
-    """Return how far a volume under a wall depends on what lies between its points, m^3.
-
-    A curve through half as many points differs from the curve by 15 times what that differs from the wall, where the
-    wall is smooth; a quarter of the difference is taken, and all of that to the straight lines between points.
-    """
-    if not isinstance(piece, Curve):
-        return 0.0
-    share = 0.25 if isinstance(piece.coarse, Curve) else 1.0
-    return share * abs(moments(piece)[0] - moments(piece.coarse)[0])
 
 
 def _over_length(points: Sequence[tuple[float, float]]) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ Decay = Literal["coogan-green", "miles"]
 _DECAY: dict[Decay, float] = {"coogan-green": 4.60 * 1.55, "miles": 4.60}
 WIDEST = 0.2  # of the radius
 HIGHEST_WAVE = 0.1  # of the radius
-_CYLINDRICAL = 1e-3  # of the radius: how far wall and surface may differ
+_CYLINDRICAL = 1e-3  # of the radius: how far the wall by a ring and the surface may differ
 _DEEP = 1.0  # radii of liquid below the lowest ring
 
 
@@ -81,30 +81,29 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
     with d a ring's depth below the surface and w its width; c = 4.60 (Miles) or 1.55 times that (Coogan and Green, who
     found Miles not conservative), the default. Rings above the surface count for nothing. A ring less than a tenth of
     the radius below it comes out of the highest wave for which the formula holds: it counts for nothing beside deeper
-    ones; alone it counts, and the formula ends at the wave that lays it dry.
+    ones; alone it counts, and the formula ends at the wave that lays it dry. A ring below which the wall is a cylinder
+    for less than the ring's depth counts for nothing beside others: the formula is of a cylinder that goes on.
 
     Raises:
-        OutsideValidity: no ring is wet, a wall that is not cylindrical at surface and rings, a ring wider than a fifth
-            of the radius, no ring but one that the surface at rest stands at.
+        OutsideValidity: no ring is wet, a wall that anywhere from the surface to a ring's width below a ring differs by
+            more than a thousandth of the radius from a cylinder, no ring below which it is one for the ring's depth, a
+            ring wider than a fifth of the radius, no ring but one that the surface at rest stands at.
     """
     section, R = modes.section, modes.section.radius
     wet = tuple(ring for ring in modes.tank.baffle if ring.height <= section.depth)
     if not wet:
         raise OutsideValidity("no ring baffle is wet: the surface stands below every ring")
-    outer = modes.walls[0]
     for ring in wet:
-        at = float(np.interp(ring.height, outer[1], outer[0]))
-        if abs(at - R) > _CYLINDRICAL * R or section.inner_radius > 0.0:
-            raise OutsideValidity(
-                f"Miles' formula is of a cylinder: at the ring of {ring.height:g} m the radius is {at:.4g} m, at the "
-                f"surface {R:.4g} m" + (", about an inner wall" if section.inner_radius > 0.0 else "")
-            )
+        _check_cylinder(modes, ring, ring.width)
         if ring.width > WIDEST * R:
             raise OutsideValidity(f"the ring of {ring.height:g} m is wider than {WIDEST:g} of the radius {R:.4g} m")
-    deep = tuple(ring for ring in wet if section.depth - ring.height >= HIGHEST_WAVE * R * (1.0 - 1e-9))
-    counted = deep or tuple(ring for ring in wet if ring.height < section.depth)
+    held = tuple(ring for ring in wet if not _off_cylinder(modes, 2.0 * ring.height - section.depth))
+    if not held:
+        _check_cylinder(modes, wet[-1], section.depth - wet[-1].height)
+    deep = tuple(ring for ring in held if section.depth - ring.height >= HIGHEST_WAVE * R * (1.0 - 1e-9))
+    counted = deep or tuple(ring for ring in held if ring.height < section.depth)
     if not counted:
-        raise OutsideValidity(f"the surface stands at the ring of {wet[0].height:g} m, which every wave lays dry")
+        raise OutsideValidity(f"the surface stands at the ring of {held[0].height:g} m, which every wave lays dry")
     total = sum(ring_coefficient(ring.width / R, (section.depth - ring.height) / R, decay) for ring in counted)
     reasons = []
     dry = len(modes.tank.baffle) - len(wet)
@@ -112,6 +111,12 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
         reasons.append(f"{dry} ring{'s' * (dry != 1)} above the surface left out")
     if min(ring.height for ring in counted) < _DEEP * R:
         reasons.append("less than a radius of liquid below the lowest ring: outside the tests of the formula")
+    if len(held) < len(wet):
+        out = ", ".join(f"{ring.height:g}" for ring in wet if ring not in held)
+        reasons.append(
+            f"the wall leaves the cylinder less than the ring's depth below the ring of {out} m: left out, since the "
+            "formula is of a cylinder that goes on"
+        )
     nearest = min(section.depth - ring.height for ring in wet)
     if nearest < HIGHEST_WAVE * R and deep:
         reasons.append(f"a ring {nearest:.3g} m below the surface left out: it comes out of a wave higher than that")
@@ -121,6 +126,37 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
             f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that: this ends there"
         )
     return BaffleDamping(modes=modes, coefficient=total, rings=counted, decay=decay, reasons=tuple(reasons))
+
+
+def _check_cylinder(modes: SloshModes, ring: Ring, below: float) -> None:
+    """Refuse a wall that is no cylinder between the surface and so many metres below a ring."""
+    off = _off_cylinder(modes, ring.height - below)
+    if off:
+        raise OutsideValidity(
+            f"Miles' formula is of a cylinder from the surface to below a ring: by the ring of {ring.height:g} m {off}"
+        )
+
+
+def _off_cylinder(modes: SloshModes, low: float) -> str:
+    """Return where between a height and the surface the liquid is no cylinder of the surface's radius; "" if nowhere.
+
+    A flat bottom is no fault of the wall.
+    """
+    section, R = modes.section, modes.section.radius
+    if len(modes.walls) > 1:
+        top = float(modes.walls[1][1, -1])
+        if section.inner_radius > 0.0 or top > low:
+            return f"an inner wall rises to {min(top, section.depth):.4g} m"
+    r, z = modes.walls[0]
+    near = (z > max(low, 0.0)) & (z <= section.depth)
+    if low > 0.0:
+        r, z = np.append(r[near], np.interp(low, z, r)), np.append(z[near], low)
+    else:
+        r, z = r[near], z[near]
+    worst = int(np.argmax(np.abs(r - R)))
+    if abs(r[worst] - R) <= _CYLINDRICAL * R:
+        return ""
+    return f"the radius is {r[worst]:.4g} m at {z[worst]:.4g} m, and {R:.4g} m at the surface"
 
 
 def ring_coefficient(width: float, depth: float, decay: Decay = "miles") -> float:

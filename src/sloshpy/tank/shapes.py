@@ -153,7 +153,7 @@ class Contour(Shape):
     """Any body of revolution: points of its outer wall from the lowest up and, where there is one, of an inner wall.
 
     A run of points that bend alike is a smooth curve through them; elsewhere the wall is straight between points, with
-    an edge where it turns. `straight` makes it straight everywhere.
+    an edge where it turns. `straight` makes it straight everywhere. What the points leave open is in the errors.
     """
 
     kind: Literal["contour"] = "contour"
@@ -161,6 +161,19 @@ class Contour(Shape):
     r: Annotated[Array, _R]
     z_inner: Annotated[Array, _Z] | None = None
     r_inner: Annotated[Array, _R] | None = None
+    resolution: (
+        Annotated[
+            float,
+            Quantity(
+                "m",
+                "",
+                "step to which points are rounded; if not given, as digits show",
+                above=0.0,
+                most=10.0,
+            ),
+        ]
+        | None
+    ) = None
     straight: bool = Field(default=False, description="straight between the points everywhere")
 
     @model_validator(mode="after")
@@ -169,18 +182,29 @@ class Contour(Shape):
         return self
 
     @property
-    def outer(self) -> Wall:
+    def outer_points(self) -> tuple[Array, Array]:
+        """Radii and heights of the outer wall's points, from the axis or the inner wall up."""
         r, z = self.r, self.z - self.z[0]
         if self.r_inner is not None:  # the floor is wetted from the inner wall on, whether it is listed or not
             beyond = (z > 0.0) | (r > self.r_inner[0])
             r, z = np.append(self.r_inner[0], r[beyond]), np.append(0.0, z[beyond])
-        return pieces_through(r, z, self.straight)
+        return r, z
+
+    @property
+    def inner_points(self) -> tuple[Array, Array] | None:
+        """Radii and heights of the inner wall's points; None where there is none."""
+        if self.z_inner is None or self.r_inner is None:
+            return None
+        return self.r_inner, self.z_inner - self.z[0]
+
+    @property
+    def outer(self) -> Wall:
+        return pieces_through(*self.outer_points, self.straight)
 
     @property
     def inner(self) -> Wall:
-        if self.z_inner is None or self.r_inner is None:
-            return ()
-        return pieces_through(self.r_inner, self.z_inner - self.z[0], self.straight)
+        points = self.inner_points
+        return () if points is None else pieces_through(*points, self.straight)
 
 
 AnyShape = Annotated[

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sloshpy.tank.closed_form import flat_bottom
+from sloshpy.tank.contour_doubt import Doubt, doubt_of
 from sloshpy.tank.eigen import TOLERANCE, modes_by_elements
 from sloshpy.tank.liquid import LiquidSection
-from sloshpy.tank.modal import Modal
-from sloshpy.tank.shapes import Annulus, Cylinder, Wall
+from sloshpy.tank.modal import Modal, fixed_part
+from sloshpy.tank.shapes import Annulus, Contour, Cylinder, Wall
 from sloshpy.tank.tank import Tank
 from sloshpy.units import Array
 
 if TYPE_CHECKING:
     import xarray as xr
 
+_ROUGHEST = 1e-3  # the doubt beyond which a mesh is no coarser
 _NOTICED = 0.03  # of the liquid: a slosh mass that is left out and should not be
 
 
@@ -27,7 +29,8 @@ class SloshModes:
     Of each mode, (n,): kappa = w^2/a, 1/m; frequency, rad/s; slosh_mass, kg; spring_height: of the spring-mass, the one
     the plant's equations want, nan for a mode without mass; wave_per_displacement: wave height at the outer wall per
     slosh-mass displacement; error_estimate: relative, the worst of these numbers, the height's against the surface's
-    radius; height and wave of a mode with less than a thousandth of the liquid count by their mass.
+    radius; height and wave of a mode with less than a thousandth of the liquid count by their mass. rigid_lid_error and
+    fixed_inertia_error: of the two inertias, relative. With a contour they hold what its points leave open.
     fixed_mass, kg, fixed_mass_height and fixed_mass_inertia, kg m^2, complete liquid mass, c.g. and rigid-lid inertia;
     the fixed inertia may be negative. rigid_lid_inertia: of the liquid about its c.g. with the surface closed by a lid,
     kg m^2. next_mass: of the first mode left out, kg. surface_radius, (k,), m, and surface_shape, (n, k): the modes
@@ -43,6 +46,8 @@ class SloshModes:
     spring_height: Array
     wave_per_displacement: Array
     error_estimate: Array
+    rigid_lid_error: float
+    fixed_inertia_error: float
     liquid_mass: float
     fixed_mass: float
     fixed_mass_height: float
@@ -115,7 +120,7 @@ class SloshModes:
             f"at {tank.acceleration:.6g} m/s^2",
             *(f"  - {reason}" for reason in self.reasons),
             f"  liquid {self.liquid_mass:.6g} kg, c.g. {s.cg_height:.6g} m above the lowest point; "
-            f"rigid-lid inertia {self.rigid_lid_inertia:.6g} kg m^2",
+            f"rigid-lid inertia {self.rigid_lid_inertia:.6g} kg m^2 (error {self.rigid_lid_error:.0e})",
             f"  {'mode':>4s} {'Hz':>9s} {'rad/s':>9s} {'mass kg':>11s} {'of liquid':>9s} {'spring m':>10s} "
             f"{'hinge m':>10s} {'length m':>10s} {'wave m/m':>9s} {'error':>8s}"
             + ("  station m" if self.station is not None else ""),
@@ -130,7 +135,7 @@ class SloshModes:
             )
         lines += [
             f"  fixed {self.fixed_mass:.6g} kg at {self.fixed_mass_height:.6g} m, "
-            f"inertia {self.fixed_mass_inertia:.6g} kg m^2 about itself",
+            f"inertia {self.fixed_mass_inertia:.6g} kg m^2 (error {self.fixed_inertia_error:.0e}) about itself",
             f"  spring: place of the spring-mass, which the plant wants; hinge: of the equal pendulum. ({self.method})",
         ]
         return "\n".join(lines)
@@ -168,6 +173,8 @@ class SloshModes:
             "fixed_mass_height": self.fixed_mass_height,
             "fixed_mass_inertia": self.fixed_mass_inertia,
             "rigid_lid_inertia": self.rigid_lid_inertia,
+            "rigid_lid_error": self.rigid_lid_error,
+            "fixed_inertia_error": self.fixed_inertia_error,
         }
 
     def to_json(self) -> str:
@@ -200,6 +207,8 @@ class SloshModes:
             "fixed_mass_height": (self.fixed_mass_height, "m"),
             "fixed_mass_inertia": (self.fixed_mass_inertia, "kg m^2"),
             "rigid_lid_inertia": (self.rigid_lid_inertia, "kg m^2"),
+            "rigid_lid_error": (self.rigid_lid_error, "1"),
+            "fixed_inertia_error": (self.fixed_inertia_error, "1"),
         }
         return xr.Dataset(
             {name: ("mode", values, {"units": unit}) for name, (values, unit) in of_modes.items()}
@@ -209,7 +218,7 @@ class SloshModes:
         )
 
 
-def slosh_masses(tank: Tank, tolerance: float = TOLERANCE) -> SloshModes:
+def slosh_masses(tank: Tank, tolerance: float = TOLERANCE, doubt: Doubt | None = None) -> SloshModes:
     """Return the slosh masses of a tank, of the first lateral modes (m = 1), with all that the plant needs of them.
 
     In closed form for the flat-bottomed cylinder and annulus, otherwise from the linear eigenvalue problem by finite
@@ -219,33 +228,37 @@ def slosh_masses(tank: Tank, tolerance: float = TOLERANCE) -> SloshModes:
 
     Args:
         tank: shape, fill, acceleration, liquid and the number of modes.
-        tolerance: relative, of frequency and slosh mass and the rest; `error_estimate` says what was reached.
+        tolerance: relative, of frequency and slosh mass and the rest; `error_estimate` says what was reached. A mesh
+            is not refined beyond a tenth of what the points of a contour leave open.
+        doubt: what the points of a contour leave open, where it is known; default: found by solving again.
 
     Raises:
         OutsideValidity: the liquid's section cannot be meshed.
     """
     section, count = tank.section, tank.modes + 1
+    if doubt is None:
+        exact = Doubt(modes=np.zeros(count), lid=0.0, fixed=0.0)
+        doubt = doubt_of(tank.shape, section, count, tank.modes) if isinstance(tank.shape, Contour) else exact
     if isinstance(tank.shape, Cylinder | Annulus):
         modal = flat_bottom(section, count)
     else:
-        modal = modes_by_elements(section, count, tank.modes, tolerance)
-    return _dressed(tank, section, modal)
+        least = min(float(np.min(doubt.modes[: tank.modes])), doubt.lid, _ROUGHEST)
+        modal = modes_by_elements(section, count, tank.modes, max(tolerance, 0.1 * least))
+    return _dressed(tank, section, modal, doubt)
 
 
 def _outline(wall: Wall) -> Array:
     return np.concatenate([piece.point(np.linspace(0.0, 1.0, 129)) for piece in wall], axis=1)
 
 
-def _dressed(tank: Tank, section: LiquidSection, modal: Modal) -> SloshModes:
+def _dressed(tank: Tank, section: LiquidSection, modal: Modal, doubt: Doubt) -> SloshModes:
     """Return the result from what does not depend on density and acceleration."""
     n = slice(0, tank.modes)
     rho, H_cg = tank.liquid.density, section.cg_height
     m_T, m, H_s = rho * section.volume, rho * modal.mass_volume[n], modal.spring_height[n]
     I_F = rho * modal.lid_volume
-    felt = np.isfinite(H_s)
-    m_0 = m_T - float(np.sum(m))
-    H_0 = (m_T * H_cg - float(m[felt] @ H_s[felt])) / m_0
-    I_0 = I_F - m_0 * (H_0 - H_cg) ** 2 - float(m[felt] @ (H_s[felt] - H_cg) ** 2)
+    V_0, H_0, J_0 = fixed_part(modal, section.volume, H_cg, tank.modes)
+    m_0, I_0 = rho * V_0, rho * J_0
     return SloshModes(
         tank=tank,
         section=section,
@@ -254,7 +267,9 @@ def _dressed(tank: Tank, section: LiquidSection, modal: Modal) -> SloshModes:
         slosh_mass=m,
         spring_height=H_s,
         wave_per_displacement=modal.wave[n],
-        error_estimate=modal.error[n],
+        error_estimate=modal.error[n] + doubt.modes[n],
+        rigid_lid_error=float(np.max(modal.error[n])) + doubt.lid,
+        fixed_inertia_error=modal.fixed_error + doubt.fixed,
         liquid_mass=m_T,
         fixed_mass=m_0,
         fixed_mass_height=H_0,
@@ -265,6 +280,6 @@ def _dressed(tank: Tank, section: LiquidSection, modal: Modal) -> SloshModes:
         surface_shape=modal.shape[n],
         wall_friction=modal.friction[n],
         floor_friction=modal.floor_friction[n],
-        friction_error=modal.friction_error[n],
+        friction_error=modal.friction_error[n] + doubt.modes[n],
         method=modal.method,
     )

@@ -39,6 +39,11 @@ class TankDamping:
         return max(known) if known else None
 
     @property
+    def rings_left_out(self) -> bool:
+        """Whether the tank has ring baffles and none of them counts."""
+        return bool(self.modes.tank.baffle) and self.baffles is None
+
+    @property
     def constant_name(self) -> str:
         """What the ratio at any amplitude is of."""
         if self.constant is None:

@@ -1,0 +1,91 @@
+"""What the points of a contour leave open, against the sphere that they are of."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tanks import tank
+
+from sloshpy.tank import slosh_masses, slosh_masses_history
+from sloshpy.tank.contour_doubt import resolution
+from sloshpy.tank.shapes import Contour
+
+SPHERE = {"kind": "sphere", "radius": 1.0}
+
+
+def ball(points, decimals=None):
+    t = np.linspace(0.0, np.pi, points)
+    z, r = 1.0 - np.cos(t), np.append(np.sin(t)[:-1], 0.0)
+    if decimals is not None:
+        z, r = np.round(z, decimals), np.round(r, decimals)
+    return {"kind": "contour", "z": z.tolist(), "r": r.tolist()}
+
+
+def errors(found, exact):
+    """Return the true and the claimed errors: frequency, slosh mass, rigid-lid and fixed inertia."""
+    pairs = [
+        (found.frequency[0], exact.frequency[0]),
+        (found.slosh_mass[0], exact.slosh_mass[0]),
+        (found.rigid_lid_inertia, exact.rigid_lid_inertia),
+        (found.fixed_mass_inertia, exact.fixed_mass_inertia),
+    ]
+    claimed = [found.error_estimate[0]] * 2 + [found.rigid_lid_error, found.fixed_inertia_error]
+    return np.array([abs(a / b - 1.0) for a, b in pairs]), np.array(claimed)
+
+
+@pytest.mark.parametrize(
+    ("points", "decimals", "fill"),
+    [(8, None, 1.97), (24, None, 1.97), (40, 3, 1.0), (40, 4, 1.9), (100, 4, 1.0), (60, 4, 1.5), (35, 3, 0.5)],
+)
+def test_the_error_of_a_contour_covers_what_its_points_lack_of_the_sphere(points, decimals, fill):
+    found = slosh_masses(tank(ball(points, decimals), fill))
+    true, claimed = errors(found, slosh_masses(tank(SPHERE, fill)))
+    assert np.all(claimed >= true)
+    assert any("good to" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize(("points", "most"), [(50, 1e-5), (200, 1e-7)])
+def test_exact_and_dense_points_are_not_slandered(points, most):
+    found = slosh_masses(tank(ball(points), 1.0))
+    true, claimed = errors(found, slosh_masses(tank(SPHERE, 1.0)))
+    assert np.all(claimed[:3] >= true[:3])
+    assert np.all(claimed[:3] < most)  # 50 and 200 points: (pi/n)^4 falls by 256
+
+
+@pytest.mark.parametrize(("step", "unit"), [(1e-3, 1.0), (1e-4, 1.0), (0.1, 0.0254), (0.01, 0.3048)])
+def test_the_digits_of_a_drawing_are_found_in_its_unit(step, unit):
+    t = np.linspace(0.0, np.pi, 40)
+    z, r = (step * np.round(x / step / unit) * unit for x in (3.0 - 3.0 * np.cos(t), 3.0 * np.sin(t)))
+    assert resolution(Contour(z=z, r=r)) == pytest.approx(step * unit)
+    assert resolution(Contour(z=z + 1e-3 * np.sqrt(2.0), r=r)) == 0.0
+
+
+def test_a_resolution_given_is_taken():
+    shape = ball(60)
+    fine, coarse = (slosh_masses(tank(shape | {"resolution": step}, 1.0)) for step in (1e-4, 1e-3))
+    assert coarse.error_estimate[0] == pytest.approx(10.0 * fine.error_estimate[0], rel=0.3)  # of first order
+
+
+def test_straight_walls_of_a_drawing_are_taken_at_their_word():
+    drawn = slosh_masses(tank({"kind": "contour", "z": [0.0, 0.0, 9.0], "r": [0.0, 2.0, 2.0]}, 1.7))
+    assert drawn.error_estimate[0] < 1e-6
+    assert drawn.fixed_inertia_error < 1e-4
+
+
+def test_a_history_doubts_a_contour_no_less_than_its_single_fills():
+    filled = tank(ball(40, 4), 1.0)
+    fill = np.linspace(0.3, 1.9, 17)
+    history = slosh_masses_history(filled, fill)
+    for k in (0, 5, 9, 16):
+        alone = slosh_masses(tank(ball(40, 4), float(fill[k])))
+        assert history.rows[k] is not None
+        assert history.rows[k].error_estimate[0] > 0.5 * alone.error_estimate[0]
+        assert history.rows[k].kappa[0] == pytest.approx(alone.kappa[0], rel=alone.error_estimate[0])
+
+
+def test_errors_of_the_inertias_are_in_the_output():
+    found = slosh_masses(tank(ball(40, 3), 1.0))
+    assert found.to_dict()["rigid_lid_error"] == found.rigid_lid_error
+    assert found.to_dict()["fixed_inertia_error"] == found.fixed_inertia_error
+    assert f"(error {found.fixed_inertia_error:.0e})" in str(found)
+    assert {"rigid_lid_error", "fixed_inertia_error"} <= {field.name for field in dataclasses.fields(found)}
