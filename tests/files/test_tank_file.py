@@ -331,3 +331,23 @@ def test_a_fill_history_that_is_none_is_refused(tmp_path, text, line, rule):
         read_fill_table(path)
     assert caught.value.problems[0].line == line
     assert rule in caught.value.problems[0].rule
+
+
+@pytest.mark.parametrize(
+    ("radius", "refused"), [("2.5 m", False), ("2500.4 mm", False), ("25 m", True), ("2.4 m", True)]
+)
+def test_a_radius_beside_a_tank_file_is_that_of_its_surface(tmp_path, radius, refused):
+    path = _case(tmp_path, 'tank_file = "lox.toml"\n', TANK.replace("1141", "50"))
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("radius = ")]
+    at = lines.index('tank_file = "lox.toml"') + 1
+    path.write_text("\n".join([*lines[:at], f'radius = "{radius}"', *lines[at:]]) + "\n", encoding="utf-8")
+    if not refused:
+        assert read_case(path).vehicle.tanks[0].radius == pytest.approx(2.5, rel=1e-3)
+        return
+    with pytest.raises(InputError) as caught:
+        read_case(path)
+    [problem] = caught.value.problems
+    assert (problem.file, problem.line) == (str(path), at + 1)
+    assert radius in problem.value
+    assert "is not 2.5 m" in problem.rule
+    assert problem.cure == "leave it out"
