@@ -317,20 +317,30 @@ def test_a_fill_history_goes_through_files_and_equals_single_fills(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "rule"),
+    ("text", "line", "rule", "cure"),
     [
-        ("time [s], acceleration [m/s^2]\n0, 1\n1, 2\n", 1, "has not one of"),
-        ("time [s], fill [%]\n0, 1\n0, 2\n", 3, "do not increase"),
-        ("fill [%], acceleration [m/s^2]\n1, 1\n2, \n", 1, "blank"),
+        ("time [s], acceleration [m/s^2]\n0, 1\n1, 2\n", 1, "has not one of", "write the header"),
+        ("time [s], fill [%]\n0, 1\n0, 2\n", 3, "do not increase: 0 s follows 0 s", "sort the rows"),
+        ("time [s], fill [%]\n0, 1\n5, 2\n4, 3\n", 4, "do not increase: 4 s follows 5 s", "sort the rows"),
+        ("fill [%], acceleration [m/s^2]\n1, 1\n2, \n", 1, "blank", "fill the cells"),
+        ("time [s], fill\n0, 50\n1, 40\n", 1, "has no unit for the fill", "fill [%]"),
+        ("time [s], fill []\n0, 50\n1, 40\n", 1, "has no unit for the fill", "fill [%]"),
     ],
 )
-def test_a_fill_history_that_is_none_is_refused(tmp_path, text, line, rule):
+def test_a_fill_history_that_is_none_is_refused(tmp_path, text, line, rule, cure):
     path = tmp_path / "fills.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_fill_table(path)
     assert caught.value.problems[0].line == line
     assert rule in caught.value.problems[0].rule
+    assert cure in caught.value.problems[0].cure
+
+
+def test_a_fill_of_one_is_the_plain_number_that_its_header_says(tmp_path):
+    path = tmp_path / "fills.csv"
+    path.write_text("fill [1]\n0.5\n0.25\n", encoding="utf-8")
+    assert read_fill_table(path).fill == ("50.0 %", "25.0 %")
 
 
 @pytest.mark.parametrize(

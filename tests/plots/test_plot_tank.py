@@ -89,3 +89,16 @@ def test_a_smooth_tank_is_drawn_damped_alike_at_any_amplitude_and_a_bare_one_is_
     assert line.get_ydata()[0] == line.get_ydata()[1] > 0.0
     with pytest.raises(OutsideValidity):
         plots.plot_tank_damping(tank_damping(slosh_masses(tank("capsule"))))
+
+
+def test_a_history_of_one_good_row_shows_its_point_and_one_of_none_is_not_drawn():
+    axes = plots.plot_fill_history(slosh_masses_history(tank("cylinder"), ["150 %", "50 %", "160 %"]))
+    for ax in axes:
+        seen = [line for line in ax.get_lines() if np.any(np.isfinite(line.get_ydata()))]
+        assert seen
+        markers = [line.get_marker() for line in seen]
+        assert "None" not in markers
+        assert len(set(markers)) == len(markers)
+    assert "nan" not in axes[0].get_title(loc="left") + axes[0].get_title()
+    with pytest.raises(OutsideValidity, match="no row"):
+        plots.plot_fill_history(slosh_masses_history(tank("cylinder"), ["150 %", "160 %"]))
