@@ -361,3 +361,38 @@ def test_a_radius_beside_a_tank_file_is_that_of_its_surface(tmp_path, radius, re
     assert radius in problem.value
     assert "is not 2.5 m" in problem.rule
     assert problem.cure == "leave it out"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ('"12.1 m/s^2"', '"1e-4 m/s^2"', "the Bond number may be as low as 8.9"),  # 1e-4 * 2.5^2 / 7e-5
+        ('"12.1 m/s^2"', '"1.1e-3 m/s^2"', "the Bond number may be as low as 98"),
+        ('"12.1 m/s^2"', '"1.2e-3 m/s^2"', None),
+        ('"6.2 m"', '"20 mm"', "a depth of 0.02 m is 0.8 % of the surface's radius"),
+        ('"6.2 m"', '"30 mm"', None),
+        ('"1141 kg/m^3"', '"1.141 kg/m^3"', "a density of 1.141 kg/m^3 is that of no propellant"),
+        ('"1141 kg/m^3"', '"69 kg/m^3"', "a density of 69 kg/m^3"),
+        ('"1141 kg/m^3"', '"70.8 kg/m^3"', None),
+        ('"1141 kg/m^3"', '"2100 kg/m^3"', "a density of 2100 kg/m^3"),
+    ],
+)
+def test_a_doubtful_tank_is_cautioned_about(tmp_path, old, new, word):
+    found = slosh_masses(_read(tmp_path, (old, new)))
+    cautions = [reason for reason in found.reasons if reason.startswith("caution")]
+    if word is None:
+        assert cautions == []
+    else:
+        assert len(cautions) == 1
+        assert word in cautions[0]
+        assert cautions[0] in str(found)
+        assert cautions[0] in str(slosh_masses_history(found.tank, [found.tank.fill]))
+
+
+@pytest.mark.parametrize("fill", ["1e-9 m", "0.00001 %"])
+def test_a_film_is_no_liquid_that_sloshes(tmp_path, fill):
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path, ('"6.2 m"', f'"{fill}"'))
+    [problem] = caught.value.problems
+    assert (problem.line, problem.key) == (2, "fill")
+    assert "must be >= 0.1 mm deep" in problem.rule
