@@ -121,3 +121,40 @@ def test_decay_refuses_with_status_2(run, record, words, said):
     status, out, err = run("decay", *words)
     assert (status, out) == (2, "")
     assert said in err
+
+
+@pytest.mark.parametrize(("radius", "percent"), [("0.8m", None), ("0.5m", 22), ("0.23m", 48), ("0.2m", 55)])
+def test_slosh_beyond_15_percent_of_the_radius_is_a_caution_and_beyond_half_of_it_is_refused(
+    run, record, radius, percent
+):
+    # released with 0.11 m of slosh-mass displacement: of 0.5 m that is 22 %
+    status, out, err = run("decay", record, *TOLD, "--radius", radius)
+    if percent is None:
+        assert (status, err) == (0, "")
+        assert "of the tank radius" not in out
+    elif percent < 50:
+        assert status == 0
+        assert f"caution: slosh of 0.11 m is {percent} % of the tank radius; the spring-mass model is less valid" in out
+    else:
+        assert (status, out) == (2, "")
+        assert (
+            f"is {percent} % of the tank radius of 0.2 m: no spring-mass describes that. Cure: check the units" in err
+        )
+        assert not record.with_name("subscale_decay-decay.png").exists()
+
+
+@pytest.mark.parametrize(("radius", "status"), [("0.2 m", 2), ("0.5 m", 0)])
+def test_the_tank_file_given_bounds_the_slosh_too(run, record, tmp_path, radius, status):
+    tank = tmp_path / "tested.toml"
+    tank.write_text(
+        f'name = "t"\nfill = "0.5 m"\nacceleration = "9.80665 m/s^2"\n\n[liquid]\ndensity = "1000 kg/m^3"\n\n'
+        f'[shape]\nkind = "cylinder"\nradius = "{radius}"\nheight = "2 m"\n',
+        encoding="utf-8",
+    )
+    words = ("--column", "wave", "--amplitude", "wave", "--frequency-hint", "0.96Hz", "--tank", tank, "--json")
+    found, out, err = run("decay", record, *words)
+    assert found == status
+    if status:
+        assert "of the tank radius of 0.2 m" in err
+    else:
+        assert any(note.startswith("caution: slosh of") for note in json.loads(out)["notes"])

@@ -71,9 +71,26 @@ def test_tank_follows_a_history_into_a_table(run, tank):
     tank.with_name("fills.csv").write_text("time [s], fill [%]\n0, 90\n50, 40\n", encoding="utf-8")
     status, out, _ = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
     assert status == 0
-    assert "2 fills, 0 without" in out
+    assert "2 rows, 0 without" in out
     assert tank.with_name("out.csv").read_text(encoding="utf-8").count("\n") == 3
     assert tank.with_name("lox_tank-history.png").exists()
+
+
+def test_a_history_in_which_no_row_works_is_refused_and_draws_nothing(run, tank):
+    tank.with_name("fills.csv").write_text("time [s], fill [%]\n0, 150\n50, 140\n", encoding="utf-8")
+    status, out, err = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
+    assert (status, out) == (2, "")
+    assert "has no row with slosh masses; row 1: fill must be > 0 and < 1" in err
+    assert not tank.with_name("out.csv").exists()
+    assert not tank.with_name("lox_tank-history.png").exists()
+
+
+def test_a_history_says_how_many_of_its_rows_failed(run, tank):
+    tank.with_name("fills.csv").write_text("fill [%]\n" + "150\n" * 6 + "50\n", encoding="utf-8")
+    status, out, _ = run("tank", tank, "--history", "fills.csv")
+    assert status == 0
+    assert "7 rows, 6 without slosh masses" in out
+    assert "  - row 5: fill must be > 0 and < 1\n  - and 1 more\n" in out
 
 
 @pytest.mark.parametrize(

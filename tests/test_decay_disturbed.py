@@ -97,3 +97,14 @@ def test_amplitudes_at_which_the_damping_is_not_known_are_left_out_and_said() ->
     assert noisy.law.ratio(np.array([0.9 * low, 1.1 * high])) == pytest.approx([np.nan, np.nan], nan_ok=True)
     with pytest.raises(InputError, match=r"is not known to 8 %"):
         free_decay(record(clean + 9e-3 * np.random.default_rng(8).standard_normal(len(TIME))), frequency_hint=2.0)
+
+
+def test_a_small_kick_is_told_with_its_size_and_moment_in_a_whole_sentence() -> None:
+    value = kicked(30.0, 0.02j) + 1e-3 * np.random.default_rng(11).standard_normal(len(TIME))
+    with pytest.raises(InputError) as caught:
+        free_decay(record(value), frequency_hint=2.0)
+    said = str(caught.value)
+    assert "; a free decay has no jump, and this one is " in said
+    size, moment = said.split("jumps by ")[1].split(" s;")[0].split(" % at ")
+    assert float(size) == pytest.approx(2.0, abs=1.2)  # three of its standard errors, 0.4 %
+    assert float(moment) == pytest.approx(30.0, abs=3.2)

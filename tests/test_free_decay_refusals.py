@@ -214,3 +214,48 @@ def test_a_swing_larger_than_any_tank_is_refused_before_the_fit():
     record = DecayRecord(time=t, value=value, unit="m", column="wave")
     with pytest.raises(InputError, match="no slosh-mass displacement"):
         free_decay(record, "wave", per_displacement=1.5, frequency_hint=3.0)
+
+
+@pytest.mark.parametrize("more", [5.0, 0.5, -0.03])
+@pytest.mark.parametrize("level", [0.0, 5e-4])
+def test_a_spike_is_named_with_its_row_and_what_its_neighbours_lead_to(more: float, level: float) -> None:
+    clean = line() + noise(level)
+    value = clean.copy()
+    value[200] += more
+    said = refusal(value)
+    assert said.startswith(f"t.csv:202: column wave: {value[200]:.6g} m at 20 s; stands apart from its neighbours")
+    lead_to = float(said.split("which lead to ")[1].split(" m")[0])
+    assert lead_to == pytest.approx(clean[200], abs=4.0 * level + 2e-4)  # a cubic over 0.8 rad, of 7 cm
+
+
+def test_a_jump_of_the_wave_is_not_taken_for_a_spike() -> None:
+    later = 0.02 * np.sin(2.0 * (TIME - 30.0)) * np.exp(-0.02 * (TIME - 30.0))
+    assert "stands apart" not in refusal(np.where(TIME < 30.0, line(), line() + later))
+
+
+@pytest.mark.parametrize("step", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("level", [0.0, 5e-4])
+def test_a_first_crest_clipped_at_95_percent_is_told_as_clipped(step: float, level: float) -> None:
+    time = np.arange(0.0, 60.0, step)
+    assert "is clipped above" in refusal(np.minimum(line(time) + noise(level, len(time)), 0.095), time)
+
+
+@pytest.mark.parametrize("reading", [1e-3, 1e-4, 1e-5])
+def test_a_record_read_in_fine_steps_is_not_taken_for_clipped(reading: float) -> None:
+    time = np.arange(0.0, 60.0, 0.02)
+    value = reading * np.round((line(time) + noise(2e-4, len(time))) / reading)
+    assert found(value, time).ratio[0] == pytest.approx(0.01, rel=0.02)
+
+
+@pytest.mark.parametrize("span", [20.0, 60.0])
+def test_a_steady_sine_is_told_as_one_that_does_not_decay(span: float) -> None:
+    time = np.arange(0.0, span, 0.02)
+    said = refusal(0.1 * np.sin(2.0 * np.pi * 0.4 * time), time, None)
+    assert "does not decay" in said or "has no decay to fit" in said
+    assert "law" not in said
+
+
+def test_two_lines_in_a_third_of_a_beat_are_told_as_no_law_in_a_whole_sentence() -> None:
+    time = np.arange(0.0, 16.0, 0.1)
+    said = refusal(line(time) + line(time, 2.1, size=0.01) + noise(1e-4, len(time)), time)
+    assert "the line at 0.3195 Hz; no law of damping describes its amplitude and phase. Cure:" in said

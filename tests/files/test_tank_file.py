@@ -317,17 +317,82 @@ def test_a_fill_history_goes_through_files_and_equals_single_fills(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "rule"),
+    ("text", "line", "rule", "cure"),
     [
-        ("time [s], acceleration [m/s^2]\n0, 1\n1, 2\n", 1, "has not one of"),
-        ("time [s], fill [%]\n0, 1\n0, 2\n", 3, "do not increase"),
-        ("fill [%], acceleration [m/s^2]\n1, 1\n2, \n", 1, "blank"),
+        ("time [s], acceleration [m/s^2]\n0, 1\n1, 2\n", 1, "has not one of", "write the header"),
+        ("time [s], fill [%]\n0, 1\n0, 2\n", 3, "do not increase: 0 s follows 0 s", "sort the rows"),
+        ("time [s], fill [%]\n0, 1\n5, 2\n4, 3\n", 4, "do not increase: 4 s follows 5 s", "sort the rows"),
+        ("fill [%], acceleration [m/s^2]\n1, 1\n2, \n", 1, "blank", "fill the cells"),
+        ("time [s], fill\n0, 50\n1, 40\n", 1, "has no unit for the fill", "fill [%]"),
+        ("time [s], fill []\n0, 50\n1, 40\n", 1, "has no unit for the fill", "fill [%]"),
     ],
 )
-def test_a_fill_history_that_is_none_is_refused(tmp_path, text, line, rule):
+def test_a_fill_history_that_is_none_is_refused(tmp_path, text, line, rule, cure):
     path = tmp_path / "fills.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_fill_table(path)
     assert caught.value.problems[0].line == line
     assert rule in caught.value.problems[0].rule
+    assert cure in caught.value.problems[0].cure
+
+
+def test_a_fill_of_one_is_the_plain_number_that_its_header_says(tmp_path):
+    path = tmp_path / "fills.csv"
+    path.write_text("fill [1]\n0.5\n0.25\n", encoding="utf-8")
+    assert read_fill_table(path).fill == ("50.0 %", "25.0 %")
+
+
+@pytest.mark.parametrize(
+    ("radius", "refused"), [("2.5 m", False), ("2500.4 mm", False), ("25 m", True), ("2.4 m", True)]
+)
+def test_a_radius_beside_a_tank_file_is_that_of_its_surface(tmp_path, radius, refused):
+    path = _case(tmp_path, 'tank_file = "lox.toml"\n', TANK.replace("1141", "50"))
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("radius = ")]
+    at = lines.index('tank_file = "lox.toml"') + 1
+    path.write_text("\n".join([*lines[:at], f'radius = "{radius}"', *lines[at:]]) + "\n", encoding="utf-8")
+    if not refused:
+        assert read_case(path).vehicle.tanks[0].radius == pytest.approx(2.5, rel=1e-3)
+        return
+    with pytest.raises(InputError) as caught:
+        read_case(path)
+    [problem] = caught.value.problems
+    assert (problem.file, problem.line) == (str(path), at + 1)
+    assert radius in problem.value
+    assert "is not 2.5 m" in problem.rule
+    assert problem.cure == "leave it out"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ('"12.1 m/s^2"', '"1e-4 m/s^2"', "the Bond number may be as low as 8.9"),  # 1e-4 * 2.5^2 / 7e-5
+        ('"12.1 m/s^2"', '"1.1e-3 m/s^2"', "the Bond number may be as low as 98"),
+        ('"12.1 m/s^2"', '"1.2e-3 m/s^2"', None),
+        ('"6.2 m"', '"20 mm"', "a depth of 0.02 m is 0.8 % of the surface's radius"),
+        ('"6.2 m"', '"30 mm"', None),
+        ('"1141 kg/m^3"', '"1.141 kg/m^3"', "a density of 1.141 kg/m^3 is that of no propellant"),
+        ('"1141 kg/m^3"', '"69 kg/m^3"', "a density of 69 kg/m^3"),
+        ('"1141 kg/m^3"', '"70.8 kg/m^3"', None),
+        ('"1141 kg/m^3"', '"2100 kg/m^3"', "a density of 2100 kg/m^3"),
+    ],
+)
+def test_a_doubtful_tank_is_cautioned_about(tmp_path, old, new, word):
+    found = slosh_masses(_read(tmp_path, (old, new)))
+    cautions = [reason for reason in found.reasons if reason.startswith("caution")]
+    if word is None:
+        assert cautions == []
+    else:
+        assert len(cautions) == 1
+        assert word in cautions[0]
+        assert cautions[0] in str(found)
+        assert cautions[0] in str(slosh_masses_history(found.tank, [found.tank.fill]))
+
+
+@pytest.mark.parametrize("fill", ["1e-9 m", "0.00001 %"])
+def test_a_film_is_no_liquid_that_sloshes(tmp_path, fill):
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path, ('"6.2 m"', f'"{fill}"'))
+    [problem] = caught.value.problems
+    assert (problem.line, problem.key) == (2, "fill")
+    assert "must be >= 0.1 mm deep" in problem.rule

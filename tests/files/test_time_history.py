@@ -292,3 +292,10 @@ def test_a_file_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path, 
     path.write_bytes(b"\xff\xfe\x00nothing of the kind")
     with pytest.raises(InputError):
         read_time_history(path, "wave")
+
+
+def test_one_row_is_counted_in_the_singular(tmp_path):
+    path = tmp_path / "one.csv"
+    path.write_text("time [s], wave [mm]\n0, 1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"has 1 data row\."):
+        read_time_history(path, "wave")

@@ -110,3 +110,16 @@ def test_the_damping_of_a_tank_whose_rings_are_left_out_says_so():
     assert "ring baffles left out" in " ".join(ringed.split())
     bare = plots.plot_tank_damping(tank_damping(slosh_masses(sphere.model_copy(update={"baffle": ()}))))
     assert "ring" not in bare.get_title(loc="left")
+
+
+def test_a_history_of_one_good_row_shows_its_point_and_one_of_none_is_not_drawn():
+    axes = plots.plot_fill_history(slosh_masses_history(tank("cylinder"), ["150 %", "50 %", "160 %"]))
+    for ax in axes:
+        seen = [line for line in ax.get_lines() if np.any(np.isfinite(line.get_ydata()))]
+        assert seen
+        markers = [line.get_marker() for line in seen]
+        assert "None" not in markers
+        assert len(set(markers)) == len(markers)
+    assert "nan" not in axes[0].get_title(loc="left") + axes[0].get_title()
+    with pytest.raises(OutsideValidity, match="no row"):
+        plots.plot_fill_history(slosh_masses_history(tank("cylinder"), ["150 %", "160 %"]))

@@ -10,9 +10,10 @@ from sloshpy.cli.app import app
 from sloshpy.cli.options import Output, drawn, figure_path, quantity, refused
 from sloshpy.damping import FreeDecay, free_decay
 from sloshpy.damping.decay_record import DecayRecord, Measured
+from sloshpy.damping.validity import check_share_of_radius
 from sloshpy.errors import OutsideValidity
 from sloshpy.files import damping_line, read_tank, read_time_history
-from sloshpy.tank import slosh_masses
+from sloshpy.tank import SloshModes, slosh_masses
 
 
 @app.command(name="decay")
@@ -56,7 +57,8 @@ def decay_command(
         raise refused("--seed", seed, "must be >= 0", "drop the sign")
     record = read_time_history(file, column, time_column=time_column)
     measured = _measured(record, amplitude)
-    scale, hint = _scale_and_hint(measured, wave_per_displacement, force_per_displacement, tank, frequency_hint)
+    modes = None if tank is None else slosh_masses(read_tank(tank))
+    scale, hint = _scale_and_hint(measured, wave_per_displacement, force_per_displacement, modes, frequency_hint)
     found = free_decay(
         record,
         measured,
@@ -70,14 +72,16 @@ def decay_command(
         None if text is None else _length(name, text)
         for name, text in (("--radius", radius), ("--full-radius", full_radius))
     ]
+    cautions = _cautions(found, modes, radii[0])
     try:
         lines = _law_lines(found, *radii)
     except OutsideValidity as error:
         lines = {"damping": None, "reason": str(error)}
     if json:
-        print(dumps(found.to_dict() | lines, indent=1))
+        said = found.to_dict()
+        print(dumps(said | {"notes": [*cautions, *said["notes"]]} | lines, indent=1))
     else:
-        print(found)
+        print("\n".join([*cautions, str(found)]))
         _print_law(found, lines)
     drawn("plot_free_decay", found, path, quiet=json)
     return 0 if lines["damping"] else 1
@@ -93,7 +97,7 @@ def _measured(record: DecayRecord, amplitude: Measured | None) -> Measured:
 
 
 def _scale_and_hint(
-    measured: Measured, wave: float | None, force: str | None, tank: Path | None, hint: str | None
+    measured: Measured, wave: float | None, force: str | None, modes: SloshModes | None, hint: str | None
 ) -> tuple[float | None, float | None]:
     """Return the record per slosh-mass displacement and the expected frequency, from options or the tested tank."""
     expected = None if hint is None else _positive("--frequency-hint", hint, "rad/s")
@@ -101,9 +105,8 @@ def _scale_and_hint(
     for option, (value, of) in given.items():
         if value is not None and measured != of:
             raise refused(option, value, f"does not belong to a {measured}", "leave it out, or mend --amplitude")
-        if value is not None and tank is not None:
+        if value is not None and modes is not None:
             raise refused(option, value, "and --tank exclude each other", "give one of them")
-    modes = None if tank is None else slosh_masses(read_tank(tank))
     if modes is not None:
         w, mass = float(modes.frequency[0]), float(modes.slosh_mass[0])
         per = {"displacement": 1.0, "wave": float(modes.wave_per_displacement[0]), "force": mass * w**2}
@@ -111,6 +114,13 @@ def _scale_and_hint(
     if wave is not None and not 0.0 < wave < 1e3:
         raise refused("--wave-per-displacement", wave, "must be > 0 and < 1000", "1.54 is that of a deep cylinder")
     return (wave if force is None else _positive("--force-per-displacement", force, "N/m")), expected
+
+
+def _cautions(found: FreeDecay, modes: SloshModes | None, radius: float | None) -> list[str]:
+    """Return what to know of the amplitude against the tank file's surface and the radius given."""
+    radii = [*([] if modes is None else [modes.section.radius]), *([] if radius is None else [radius])]
+    said = [check_share_of_radius(found, R) for R in radii]
+    return list(dict.fromkeys(one for one in said if one))
 
 
 def _law_lines(found: FreeDecay, radius: float | None, full_radius: float | None) -> dict[str, Any]:

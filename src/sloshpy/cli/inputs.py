@@ -68,6 +68,9 @@ def tank_command(
         return drawn("plot_tank", found, path, quiet=json)
     rows = read_fill_table(history)
     course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)
+    if not any(course.rows):
+        rule = f"has no row with slosh masses; row 1: {course.reason[0]}"
+        raise refused("--history", history, rule, "mend the rows; 50 % of the volume is 50 under fill [%]")
     print(course.to_json() if json else course)
     if table is not None:
         write_fill_history(course, table)

@@ -13,6 +13,7 @@ LARGEST = 100.0  # m of slosh-mass displacement, peak
 LEAST_CYCLES = 5.0
 LEAST_SAMPLES_PER_CYCLE = 10.0
 _SLOWEST, _FASTEST = 0.005, 50.0  # Hz: of slosh, from a stage coasting at a thousandth of g to a beaker
+_STEPS = 4.0  # of the sensor: noise of one or two of them flattens a crest by as much
 _FLAT = 0.08  # of a cycle: a crest held for longer is no crest
 FALSE_ALARM = 1e-4  # of the whiteness test: a thousand white records pass
 _SLOW = 2.0  # Hz: sampled more slowly, a wave of 1 Hz and more hides behind one of any lower frequency
@@ -114,11 +115,27 @@ def check_clipping(record: DecayRecord, w: float, step: float) -> None:
         longest = max(high - low for low, high in runs)
         long = [run for run in runs if run[1] - run[0] >= 2]
         crests = 1 + sum(b[0] - a[1] > 0.5 * per_cycle for a, b in pairwise(long))
-        if longest >= max(3.0, _FLAT * per_cycle) or (len(long) > 1 and crests > 1):
+        flat = any(_too_flat(run, record, per_cycle, extreme) for run in runs)
+        if flat or longest >= max(3.0, _FLAT * per_cycle) or (len(long) > 1 and crests > 1):
             value = f"{longest} samples held at {extreme:.6g} {record.unit}"
             k = int(next(low for low, high in runs if high - low == longest))
             rule = f"is clipped {word}, or read in steps too coarse for it"
             raise record.refused(value, rule, "widen the sensor's range, or start after the clipped crests", k)
+
+
+def _too_flat(run: tuple[int, int], record: DecayRecord, per_cycle: float, extreme: float) -> bool:
+    """Whether samples held at the extreme value span more of a crest than the sensor's steps explain.
+
+    Over n samples a crest falls by A (1 - cos(pi (n - 1)/per_cycle)) at least. Two equal samples may lie on both sides
+    of a crest, unless the record starts or ends there.
+    """
+    n = run[1] - run[0]
+    at_an_end = run[0] == 0 or run[1] == len(record.value)
+    if n < (2 if at_an_end else 3):
+        return False
+    steps = np.diff(np.unique(record.value))
+    fall = abs(extreme - float(np.median(record.value))) * (1.0 - np.cos(np.pi * min((n - 1) / per_cycle, 1.0)))
+    return bool(fall > _STEPS * np.min(steps))
 
 
 def check_decay(record: DecayRecord, fit: DecayFit, excess: float) -> None:
@@ -127,7 +144,8 @@ def check_decay(record: DecayRecord, fit: DecayFit, excess: float) -> None:
     xi, error = fit.values[0, 1], float(np.sqrt(covariance[1, 1]))
     if xi <= 4.0 * error:
         value = f"damping {100.0 * xi:.3g} % +- {100.0 * error:.2g} %"
-        raise record.refused(value, "has no decay to fit", "record for longer, or start after the excitation ends")
+        rule = "has no decay to fit: damping must exceed four standard errors"
+        raise record.refused(value, rule, "record for longer, or start after the excitation ends")
 
 
 def check_strength(record: DecayRecord, fit: DecayFit, step: float, excess: float) -> float:

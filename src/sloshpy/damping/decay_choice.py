@@ -12,6 +12,7 @@ from sloshpy.damping.decay_record import DecayRecord
 from sloshpy.damping.decay_start import Line, spectrum, two_lines_of
 from sloshpy.units import Array
 
+_STEADY = 0.02  # of the amplitude, over the whole record: no decay worth the name
 _STRONG = 10.0  # by which it must fall for another line or a frequency that moves: their "very strong"
 _APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
 _FLATTENED = 0.01  # of the amplitude: third harmonic; damping makes one itself, of about a tenth of its ratio
@@ -66,10 +67,11 @@ def choose_law(record: DecayRecord, line: Line) -> Choice:
         best = min(fits, key=DecayFit.information)
     pair = _close_lines(alone, time, line, best)
     if pair is not None:
+        _check_steady(record, fits, time)
         if abs(pair.values[0, 0] - pair.values[1, 0]) * time[-1] < np.pi:  # half a beat: not told apart
-            value = f"amplitude and phase of the line at {line.frequency / 2.0 / np.pi:.4g} Hz"
+            value = f"the line at {line.frequency / 2.0 / np.pi:.4g} Hz"
             cure = "look for friction, a disturbance or excitation within the record, clipping, or two close lines"
-            raise record.refused(value, "follow no law of damping", cure)
+            raise record.refused(value, "no law of damping describes its amplitude and phase", cure)
         f1, f2 = sorted(pair.values[:, 0] / 2.0 / np.pi)
         cure = "rotate x and y to the tank's axes, excite one mode alone, or look for a disturbance in the record"
         raise record.refused(f"two lines {f1:.4g} / {f2:.4g} Hz", "single-mode damping refused", cure)
@@ -77,6 +79,19 @@ def choose_law(record: DecayRecord, line: Line) -> Choice:
     if both is not None:
         fits = _fit_beside(record, time, fits, both.values[1]) or [both]
     return _in_order(fits, constant)
+
+
+def _check_steady(record: DecayRecord, fits: list[DecayFit], time: Array) -> None:
+    """Refuse a wave that keeps its amplitude, by the fit of a constant ratio."""
+    constant = next((fit for fit in fits if fit.laws[0].name == "constant"), None)
+    if constant is None:
+        return
+    w, xi = constant.values[0, :2]
+    change = abs(float(np.expm1(-xi * w * time[-1])))
+    if change < _STEADY:
+        value = f"an amplitude kept to {max(100.0 * change, 1e-4):.2g} % over {time[-1]:.4g} s"
+        cure = "start after the excitation ends, or record for longer"
+        raise record.refused(value, "does not decay", cure)
 
 
 def _fit_laws(record: DecayRecord, time: Array, line: Line, laws: Sequence[DecayLaw]) -> list[DecayFit]:

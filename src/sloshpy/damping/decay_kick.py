@@ -38,7 +38,7 @@ def check_kick(record: DecayRecord, tangent: Tangent, noise: Noise) -> None:
     if found[k] > limit:
         at = int(moments[k])
         value = f"the wave jumps by {100.0 * jump[k]:.3g} % at {record.time[at]:.4g} s"
-        rule = f"is no free decay: that is {np.sqrt(found[k]):.3g} times its standard error"
+        rule = f"a free decay has no jump, and this one is {np.sqrt(found[k]):.3g} times its standard error"
         cure = "name the part before or after it by --start and --end, or repeat the test undisturbed"
         raise record.refused(value, rule, cure, at)
 

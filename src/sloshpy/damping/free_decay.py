@@ -10,11 +10,12 @@ from sloshpy.damping.decay_choice import Choice, choose_law
 from sloshpy.damping.decay_fit import DecayFit
 from sloshpy.damping.decay_kick import check_kick
 from sloshpy.damping.decay_model import ratio_at
-from sloshpy.damping.decay_noise import noise_of
+from sloshpy.damping.decay_noise import Noise, noise_of
 from sloshpy.damping.decay_record import UNIT_OF, DecayRecord, Measured
 from sloshpy.damping.decay_result import Estimate, FreeDecay
-from sloshpy.damping.decay_start import main_line, strongest_line
-from sloshpy.damping.decay_tangent import tangent
+from sloshpy.damping.decay_spikes import without_spikes
+from sloshpy.damping.decay_start import Line, main_line, strongest_line
+from sloshpy.damping.decay_tangent import Tangent, tangent
 from sloshpy.errors import InputError, Problem
 from sloshpy.units import Array
 
@@ -58,18 +59,14 @@ def free_decay(
     checks.check_constant(part)
     checks.check_size(part, scale)
     sampling = checks.sampling_of(part, frequency_hint)
+    rest, spikes = without_spikes(part)
+    if spikes:
+        _check_spikes(part, rest, spikes, sampling, frequency_hint)
     line = main_line(part, strongest_line(part, frequency_hint))
     checks.check_line(part, sampling, line.frequency)
     checks.check_clipping(part, line.frequency, sampling.step)
-    choice = choose_law(part, line)
+    choice, floor, halves, about, noise = _identified(part, line, sampling)
     best = choice.best
-    checks.check_line(part, sampling, float(best.values[0, 0]))
-    _check_fits(part, choice)
-    floor = checks.check_strength(part, best, sampling.step, choice.excess)
-    halves = checks.check_halves(part, best, choice.excess)
-    about = tangent(best)
-    noise = noise_of(about)
-    check_kick(part, about, noise)
     amplitude = np.geomspace(*known_range(part, about, noise, floor), _GRID)
     ratio = ratio_at(best.values[0], amplitude / best.start_amplitude[0])
     found = bootstrap(about, noise, amplitude, draws, seed)
@@ -89,6 +86,40 @@ def free_decay(
         ratio_high=high,
         estimates=_estimates(best, found, scale or 1.0),
         halves=halves,
+    )
+
+
+def _identified(
+    part: DecayRecord, line: Line, sampling: checks.Sampling
+) -> tuple[Choice, float, float, Tangent, Noise]:
+    """Return the laws in order, the amplitude lost in noise, the halves' difference, the tangent and its noise."""
+    choice = choose_law(part, line)
+    best = choice.best
+    checks.check_line(part, sampling, float(best.values[0, 0]))
+    _check_fits(part, choice)
+    floor = checks.check_strength(part, best, sampling.step, choice.excess)
+    halves = checks.check_halves(part, best, choice.excess)
+    about = tangent(best)
+    noise = noise_of(about)
+    check_kick(part, about, noise)
+    return choice, floor, halves, about, noise
+
+
+def _check_spikes(
+    part: DecayRecord, rest: DecayRecord, spikes: tuple[int, ...], sampling: checks.Sampling, hint: float | None
+) -> None:
+    """Refuse spikes in an otherwise good record; where the rest is no decay either, its own check tells."""
+    try:
+        _identified(rest, main_line(rest, strongest_line(rest, hint)), sampling)
+    except InputError:
+        return
+    k = spikes[0]
+    others = f", and {len(spikes) - 1} more" if len(spikes) > 1 else ""
+    raise part.refused(
+        f"{part.value[k]:.6g} {part.unit} at {part.time[k]:.6g} s{others}",
+        f"stands apart from its neighbours, which lead to {rest.value[k]:.6g} {part.unit}",
+        "drop the row, if the sensor is to blame, or fit a part without it by --start and --end",
+        k,
     )
 
 

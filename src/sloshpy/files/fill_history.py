@@ -18,6 +18,7 @@ FILLS = Kind(
     columns={"time": "s", "fill": "1", "depth": "m", "acceleration": "m/s^2"},
     cure='write the header "time [s], fill [%], acceleration [m/s^2]", or depth [m] in place of fill',
     optional=frozenset({"time", "fill", "depth", "acceleration"}),
+    declared=frozenset({"fill"}),
 )
 
 
@@ -39,17 +40,19 @@ def read_fill_table(path: str | os.PathLike[str]) -> FillTable:
     columns, rows, numbers = read_columns(path, FILLS)
     name, line = os.fspath(path), rows[0].line
 
-    def refused(rule: str, line: int | None = line) -> InputError:
-        return InputError(Problem(key=FILLS.what, value="", rule=rule, cure=FILLS.cure, file=name, line=line))
+    def refused(rule: str, cure: str = FILLS.cure, line: int | None = line) -> InputError:
+        return InputError(Problem(key=FILLS.what, value="", rule=rule, cure=cure, file=name, line=line))
 
     if ("fill" in numbers) == ("depth" in numbers):
         raise refused("has not one of the columns fill and depth")
     short = [column.name for column in columns if len(numbers[column.name]) < len(rows) - 1]
     if short:
-        raise refused(f"has blank cells in {short[0]}")
+        raise refused(f"has blank cells in {short[0]}", "fill the cells, drop the rows, or leave the column out")
     time = np.array(numbers["time"]) if "time" in numbers else None
     if time is not None and np.any(np.diff(time) <= 0.0):
-        raise refused("has times that do not increase", rows[2 + int(np.argmax(np.diff(time) <= 0.0))].line)
+        k = 1 + int(np.argmax(np.diff(time) <= 0.0))
+        rule = f"has times that do not increase: {time[k]:.10g} s follows {time[k - 1]:.10g} s"
+        raise refused(rule, "sort the rows by time and drop those given twice", rows[1 + k].line)
     fill: list[str | float | Fill] = [*numbers.get("depth", [])]
     fill += [f"{100.0 * part!r} %" for part in numbers.get("fill", [])]
     return FillTable(

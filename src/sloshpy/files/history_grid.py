@@ -97,7 +97,9 @@ def _columns(
     if len(rows) - 1 > MOST_SAMPLES:
         raise refused(path, HISTORY, f"{len(rows) - 1} rows", f"are more than {MOST_SAMPLES}", "thin it out or cut it")
     if len(rows) < 3:
-        raise refused(path, HISTORY, "", f"has {len(rows) - 1} data rows", "give at least two", line)
+        raise refused(
+            path, HISTORY, "", f"has {len(rows) - 1} data row{'s' * (len(rows) != 2)}", "give at least two", line
+        )
     at = [known.index(name) for name in names]
     numbers, problems = np.empty((2, len(rows) - 1)), []
     for k, (row, cells) in enumerate(rows[1:]):

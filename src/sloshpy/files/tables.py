@@ -23,12 +23,16 @@ _MOST_ROWS = 10_000  # a law of damping or a wall bends a few times, not ten tho
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What a table of this kind holds: its columns with their SI units, and which may be missing or end early."""
+    """What a table of this kind holds: its columns with their SI units, and which may be missing or end early.
+
+    declared: columns of plain numbers whose header must say % or 1 all the same, since both are written.
+    """
 
     what: str
     columns: dict[str, str]
     cure: str
     optional: frozenset[str] = frozenset()
+    declared: frozenset[str] = frozenset()
 
 
 DAMPING = Kind(
@@ -146,7 +150,7 @@ def _columns(header: _Row, file: str, kind: Kind) -> list[TableColumn]:
             raise refused(written, f'has the unknown column "{name}"')
         if name in [column.name for column in columns]:
             raise refused(written, f'has the column "{name}" twice')
-        if not unit and kind.columns[name] != "1":
+        if not unit and (kind.columns[name] != "1" or name in kind.declared):
             raise refused(written, f"has no unit for the {name}")
         if unit and unit != "1":
             try:

@@ -23,6 +23,7 @@ _STAND_IN = {
     "damping": {"law": "constant", "ratio": 0.01},
 }
 _NO_DAMPING = "add damping here, or kinematic_viscosity or damping_floor to the tank file"
+_ROUNDED = 5e-3  # relative: half a unit in the third digit of a radius, at most
 _SAME = 1e-3  # relative: accelerations that differ by less are not worth a word
 
 
@@ -65,6 +66,11 @@ def read_tank_files(
         entry["slosh_mass"] = f"{float(modes.slosh_mass[n])!r} kg"
         entry["station"] = f"{float(modes.station[n])!r} m"
         entry["frequency"] = f"{float(modes.frequency[n])!r} rad/s"
+        other = _other_radius(entry, modes.section.radius)
+        if other is not None:
+            where_radius: Path = ("tank", j, "radius")
+            key, value = words_of(where_radius, document), value_at(where_radius, places)
+            found.append((where_radius, Problem(key=key, value=value, rule=other, cure="leave it out")))
         entry.setdefault("radius", f"{modes.section.radius!r} m")
         damping = tank_damping(modes, mode)
         notes += [f"{name}: {note}" for note in [*told, *modes.reasons, *_damped(entry, damping)]]
@@ -75,6 +81,17 @@ def read_tank_files(
             entry["damping"] = _STAND_IN["damping"]
         given[f"tank.{name}.tank_file sha256"] = hashlib.sha256(table.read_bytes()).hexdigest()
     return found, notes
+
+
+def _other_radius(entry: dict[str, Any], surface: float) -> str | None:
+    """Return what is wrong with a radius that is not that of the tank file's surface, in m; None where it is."""
+    try:
+        given = parse(entry["radius"], "m")
+    except (UnitError, KeyError, AttributeError, TypeError):
+        return None  # absent, or told elsewhere
+    if abs(given / surface - 1.0) <= _ROUNDED:
+        return None
+    return f"is not {surface:.5g} m, the radius of the tank file's free surface"
 
 
 def _damped(entry: dict[str, Any], damping: TankDamping) -> list[str]:

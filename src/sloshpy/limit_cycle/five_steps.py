@@ -12,6 +12,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
+from sloshpy.damping.validity import NO_MODEL_SHARE_OF_RADIUS, VALID_SHARE_OF_RADIUS
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
@@ -25,9 +26,6 @@ from sloshpy.units import Array
 
 if TYPE_CHECKING:
     import xarray as xr
-
-VALID_SHARE_OF_RADIUS = 0.15  # the mechanical analogue holds to 10-15 % of the tank radius
-NO_MODEL_SHARE_OF_RADIUS = 0.5  # at half the radius the wave at the wall is as high as the tank is wide
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from sloshpy.errors import OutsideValidity
 from sloshpy.plots.style import ALARM, GREY, INK, SAFE, SHADE, SMALL, curve_style, finish
 from sloshpy.tank import FillHistory, SloshModes
 
@@ -129,26 +130,55 @@ def _column(
 
 
 def plot_fill_history(found: FillHistory, ax: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
-    """Draw frequency, slosh mass and heights against the fill, one curve for each mode."""
+    """Draw frequency, slosh mass and heights against the fill, one curve for each mode.
+
+    Raises:
+        OutsideValidity: no row has slosh masses.
+    """
+    if not any(found.rows):
+        raise OutsideValidity(f"{found.tank.name}: no row of the fill history has slosh masses")
     if ax is None:
         ax = Figure(figsize=(7.2, 6.8), layout="constrained").subplots(3, sharex=True).tolist()
     frequency, mass, place = ax
     full = 100.0 * found.fraction
     order = np.argsort(full)
+    alone = np.count_nonzero(np.isfinite(full)) == 1
+
+    def point(shape: str) -> dict[str, Any]:
+        return {"marker": shape, "markersize": 7.0} if alone else {}  # of one point there is no line
+
     for n in range(found.tank.modes):
-        style = curve_style(2 if n == 0 else n - 1 if n <= 2 else n)
+        style = curve_style(2 if n == 0 else n - 1 if n <= 2 else n) | point("osD^v<>pPhHd"[n])
         name = f"mode {n + 1}"
         frequency.plot(full[order], found.of_modes("frequency")[order, n] / (2.0 * np.pi), label=name, **style)
         mass.plot(full[order], found.of_modes("slosh_mass")[order, n], label=name, **style)
         place.plot(full[order], found.of_modes("spring_height")[order, n], label=f"spring-mass, {name}", **style)
-    mass.plot(full[order], found.of_tank("fixed_mass")[order], color=INK, linewidth=1.0, label="fixed mass")
-    place.plot(full[order], found.depth[order], color=GREY, linewidth=1.0, linestyle=(0, (4.0, 2.0)), label="surface")
-    place.plot(full[order], found.of_tank("fixed_mass_height")[order], color=INK, linewidth=1.0, label="fixed mass")
+    mass.plot(
+        full[order], found.of_tank("fixed_mass")[order], color=INK, linewidth=1.0, label="fixed mass", **point("x")
+    )
+    place.plot(
+        full[order],
+        found.depth[order],
+        color=GREY,
+        linewidth=1.0,
+        linestyle=(0, (4.0, 2.0)),
+        label="surface",
+        **point("_"),
+    )
+    place.plot(
+        full[order],
+        found.of_tank("fixed_mass_height")[order],
+        color=INK,
+        linewidth=1.0,
+        label="fixed mass",
+        **point("x"),
+    )
     for one in (mass, place):
         one.legend(fontsize=SMALL, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     slosh = found.of_modes("slosh_mass")[:, 0]
-    most = int(np.nanargmax(slosh)) if np.any(np.isfinite(slosh)) else 0
-    message = f"{found.tank.name}: most liquid sloshes at {full[most]:.3g} % full, {slosh[most]:.4g} kg"
+    most = int(np.nanargmax(slosh))
+    what = "only row with slosh masses:" if alone else "most liquid sloshes at"
+    message = f"{found.tank.name}: {what} {full[most]:.3g} % full, {slosh[most]:.4g} kg"
     finish(frequency, message, "", "Frequency [Hz]")
     finish(mass, "", "", "Mass [kg]")
     finish(place, "", "Fill of the volume [%]", "Height [m]")

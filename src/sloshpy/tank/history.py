@@ -107,8 +107,14 @@ class FillHistory:
 
     def __str__(self) -> str:
         missing = [k for k, row in enumerate(self.rows) if row is None]
-        lines = [f"{self.tank.name}: {len(self.rows)} fills, {len(missing)} without slosh masses"]
+        lines = [f"{self.tank.name}: {len(self.rows)} rows, {len(missing)} without slosh masses"]
         lines += [f"  - row {k + 1}: {self.reason[k]}" for k in missing[:5]]
+        lines += [f"  - and {len(missing) - 5} more"] if len(missing) > 5 else []
+        doubtful = [(k, row.reasons) for k, row in enumerate(self.rows) if row is not None and row.reasons]
+        if doubtful:
+            k, reasons = doubtful[0]
+            more = f", and of {len(doubtful) - 1} more" if len(doubtful) > 1 else ""
+            lines += [f"  - of row {k + 1}{more}: {reason}" for reason in reasons]
         lines.append(
             f"  {'time s':>9s} {'full':>8s} {'depth m':>9s} {'Hz':>8s} {'mass kg':>10s} {'spring m':>9s} {'error':>7s}"
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from sloshpy.tank.closed_form import flat_bottom
 from sloshpy.tank.contour_doubt import Doubt, doubt_of
+from sloshpy.tank.doubtful import doubts_about
 from sloshpy.tank.eigen import TOLERANCE, modes_by_elements
 from sloshpy.tank.liquid import LiquidSection
 from sloshpy.tank.modal import Modal, fixed_part
@@ -90,7 +91,7 @@ class SloshModes:
     @property
     def reasons(self) -> tuple[str, ...]:
         """What to know before the numbers are used."""
-        found = []
+        found = doubts_about(self.tank.liquid.density, self.tank.acceleration, self.section)
         if self.next_mass > _NOTICED * self.liquid_mass:
             share = 100.0 * self.next_mass / self.liquid_mass
             found.append(

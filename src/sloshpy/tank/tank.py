@@ -12,6 +12,7 @@ from sloshpy.units import Quantity, UnitError, parse, refusal
 
 NAME = r"^[A-Za-z0-9][A-Za-z0-9 _.\-]{0,63}$"  # as the slosh masses of a vehicle
 _CONFIG = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+_FILM = 1e-4  # m: what wets the floor, on which no wave runs
 _FILL_CURE = 'write a depth as "6.2 m" or a part of the volume as "62 %"'
 
 
@@ -117,6 +118,12 @@ class Tank(BaseModel):
         if self.fill.depth is not None and self.fill.depth >= self.height:
             rule = f"must be < {self.height:.6g} m, the height of the tank: no free surface is left"
             raise refusal(("fill",), rule, "the depth counts from the lowest point")
+        little = self.fill.depth is not None or (self.fill.fraction is not None and self.fill.fraction < 1e-3)
+        if little and self.depth < _FILM:
+            rule = (
+                f"must be >= {1e3 * _FILM:g} mm deep, and is {1e3 * self.depth:.3g} mm: a film, on which no wave runs"
+            )
+            raise refusal(("fill",), rule, "check the unit, or leave the empty tank out")
         for j, ring in enumerate(self.baffle):
             if ring.height > self.height:
                 rule = f"must be <= {self.height:.6g} m, the height of the tank"

@@ -119,7 +119,7 @@ def _reasons(modes: SloshModes, taken: str, given: dict[str, float], n: int) -> 
         for name, xi in given.items():
             if name != LAYER:
                 more = xi / given[LAYER]
-                found.append(f"{name} gives {more:.3g} times as much, more than theory bears out: not taken")
+                found.append(f"{name} gives {more:.3g} times as much; the lower of the two was chosen, to be safe")
         if len(given) == 1:
             found.append(f"wall damping of this {shape.kind} rests on theory, on no test of such a tank; measure it")
     if isinstance(shape, Toroid) and taken != LAYER:
