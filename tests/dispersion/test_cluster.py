@@ -111,7 +111,7 @@ def test_what_is_not_what_was_asked_for_is_not_taken(one_thread):
         assert taken(strange) is None
     with pytest.raises(InputError, match="python 2 there"):
         taken(sent | {"environment": json.dumps(json.loads(own) | {"python": "2"})})
-    with pytest.raises(InputError, match="threads 8 there, 1 now"):
+    with pytest.raises(InputError, match="threads: 8 there, 1 now"):
         taken(sent | {"environment": json.dumps(json.loads(own) | {"threads": "8"})})
 
 

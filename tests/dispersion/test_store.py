@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,11 +11,11 @@ import numpy as np
 import pytest
 from uncertain import stage, toy
 
+from sloshpy.dispersion import Uniform, disk, findings, read_campaign, run_campaign
 from sloshpy.dispersion import campaign as campaign_room
-from sloshpy.dispersion import disk, findings, read_campaign, run_campaign
 from sloshpy.dispersion.campaign import fill, header_of
 from sloshpy.dispersion.lock import locked
-from sloshpy.dispersion.store import Layout, Store, open_store, sealed
+from sloshpy.dispersion.store import Layout, Store, differences, open_store, sealed
 from sloshpy.dispersion.workers import computed
 from sloshpy.errors import InputError
 
@@ -150,8 +151,8 @@ def test_every_flipped_byte_is_found_and_the_block_is_computed_again(tmp_path):
 def test_another_file_seed_number_or_version_is_refused_with_the_difference(tmp_path):
     driven(tmp_path / "s")
     for change, told in (
-        ({"environment": {"numpy": "3"}}, "environment numpy 2 there, 3 now"),
-        ({"files": "x"}, "files None there, x now"),
+        ({"environment": {"numpy": "3"}}, "environment numpy: 2 there, 3 now"),
+        ({"files": "x"}, "files: None there, x now"),
     ):
         with pytest.raises(InputError, match=told):
             open_store(tmp_path / "s", header(**change), LAYOUT, resume=True)
@@ -231,3 +232,14 @@ def test_a_campaign_resumed_in_the_middle_is_the_undisturbed_one(tmp_path, monke
     with pytest.raises(InputError, match="another dispersion: configuration"):
         read_campaign(stage(coverage=0.9, parameters=d.parameters[:2]), tmp_path / "s")
     assert header_of(d, 30, 5)["campaign"] != header_of(d, 30, 6)["campaign"]
+
+
+def test_a_changed_input_is_refused_by_its_name_and_both_its_values():
+    one = stage()
+    first, *rest = one.parameters
+    wider = replace(first, distribution=Uniform(low=0.9, high=1.23))
+    here, there = (header_of(d, 10, 1) for d in (one, replace(one, parameters=(wider, *rest))))
+    ((text, _),) = differences(here, there)
+    assert text.startswith(f"configuration input {first.input}: ")
+    assert "1.23" not in text.split(" there, ")[0]
+    assert "high=1.23" in text.split(" there, ")[1]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from sloshpy.batch import single
 from sloshpy.dispersion.answers import answered
@@ -29,6 +30,7 @@ FLIGHTS = 100  # flights in a block, each of many moments
 CASE_LIMIT = 60.0  # s that one case may take in a process of its own
 MOST_SEED = 2**64
 
+LONG = 400  # letters
 Watch = Callable[[int, int], None]  # of cases done now and in all
 
 
@@ -190,24 +192,25 @@ def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
     return sealed(header)
 
 
-def _configuration(dispersion: Dispersion) -> str:
-    """Return a hash of everything that a number depends on, however it was made."""
+def _configuration(dispersion: Dispersion) -> dict[str, str]:
+    """Return everything that a number depends on, however it was made, in words, so that a difference can be named."""
     case = dispersion.case
-    parts = [
-        repr(x)
-        for x in (
-            case.vehicle,
-            case.autopilot,
-            case.criteria,
-            dispersion.parameters,
-            [(c.inputs, c.matrix.tolist()) for c in dispersion.correlations],
-            dispersion.sampling,
-            type(dispersion.analysis).__name__,
-            asdict(dispersion.analysis),
-            dispersion.flight,
-        )
-    ]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    nouns: dict[str, BaseModel] = {"vehicle": case.vehicle, "autopilot": case.autopilot, "criteria": case.criteria}
+    nouns |= {f"tank {t.name}": t for t in case.vehicle.tanks}
+    nouns |= {f"flexible_mode {f.name}": f for f in case.vehicle.flexible_modes}
+    parts: dict[str, object] = {
+        f"{noun} {name}": getattr(value, name)
+        for noun, value in nouns.items()
+        for name in type(value).model_fields
+        if name not in {"tanks", "flexible_modes"}
+    }
+    parts |= {f"input {one.input}": one for one in dispersion.parameters}
+    parts |= {f"correlation {k + 1}": (c.inputs, c.matrix.tolist()) for k, c in enumerate(dispersion.correlations)}
+    parts |= {"sampling": dispersion.sampling, "analysis": type(dispersion.analysis).__name__}
+    parts |= {f"analysis {name}": value for name, value in asdict(dispersion.analysis).items()}
+    parts |= {"flight": dispersion.flight}
+    # a long text, such as that of a table, is kept as its hash
+    return {k: t if len(t := repr(x)) < LONG else hashlib.sha256(t.encode()).hexdigest() for k, x in parts.items()}
 
 
 def _checked(dispersion: Dispersion, cases: int, seed: int) -> None:

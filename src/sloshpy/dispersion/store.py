@@ -172,9 +172,9 @@ def differences(found: dict[str, Any], wanted: dict[str, Any]) -> list[tuple[str
             cure = "run it with what the store was made with, or name a new folder"
             if isinstance(here, dict) and isinstance(there, dict):
                 inner = sorted(k for k in {*here, *there} if here.get(k) != there.get(k))
-                texts += [(f"{key} {k} {here.get(k)} there, {there.get(k)} now", cure) for k in inner]
+                texts += [(f"{key} {k}: {here.get(k)} there, {there.get(k)} now", cure) for k in inner]
             else:
-                texts.append((f"{key} {here} there, {there} now", cure))
+                texts.append((f"{key}: {here} there, {there} now", cure))
     return texts
 
 

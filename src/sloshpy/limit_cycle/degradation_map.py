@@ -87,7 +87,10 @@ class DegradationMap:
     def __str__(self) -> str:
         cells = [f"{np.sum(self.reason == k)} {words}" for k, words in enumerate(REASONS) if np.any(self.reason == k)]
         worst = self.worst_inside
-        told = f"{1e3 * worst:.3f} mrad" if np.isfinite(worst) else "not supported in every cell"
+        unknown = int(np.sum(np.isnan(np.append(self.tvc[self.inside], self.ellipse_tvc))))
+        told = f"{1e3 * worst:.3f} mrad" if np.isfinite(worst) else "it diverges"
+        if unknown:
+            told = f"no number at {unknown} points in it or on its edge"
         lines = [
             f"Degradation map of {self.tank}: {self.tvc.size} cells, {self.gain_db[0]:g} to {self.gain_db[-1]:g} dB, "
             f"{1e3 * self.delay[0]:.4g} to {1e3 * self.delay[-1]:.4g} ms",
