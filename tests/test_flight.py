@@ -8,6 +8,7 @@ from sloshpy.batch import for_each
 from sloshpy.files import read_case, write_example
 from sloshpy.flight import Phase, Trajectory, assess_flight
 from sloshpy.flight.windows import growth_windows, positive_stretches
+from sloshpy.plots import plot_flight_growth
 from sloshpy.stability import danger_zone, joint_damping, margins, required_damping, track_modes
 
 
@@ -153,6 +154,8 @@ def test_windows_that_meet_at_an_event_are_one_where_the_oscillation_goes_on(upp
     found = assess_flight(Trajectory(name="x", phases=(one, two)), cycles=0)
     assert found.chains[0].exponent == pytest.approx(30.0 * 0.05113, rel=1e-3)
     assert f"by a factor of {np.exp(found.chains[0].exponent):.4g} in all" in str(found)
+    title = plot_flight_growth(found)[0].get_title(loc="left")
+    assert f"grows by {found.chains[0].factor:.3g} from 0 to 30 s" in title
     lighter = upper_stage.model_copy(update={"vehicle": upper_stage.vehicle.model_copy(update={"mass": 12e3})})
     other = Phase(name="two", time=np.array([10.0, 30.0]), case=lighter)
     assert assess_flight(Trajectory(name="x", phases=(one, other)), cycles=0).chains == ()

@@ -53,12 +53,30 @@ class GrowthChain:
         """Integral of sigma dt over all of them."""
         return sum(one.exponent for one in self.windows)
 
+    @property
+    def mode(self) -> str:
+        """What grows."""
+        return self.windows[0].mode
+
+    @property
+    def start(self) -> float:
+        """Begin of the first, s."""
+        return self.windows[0].start
+
+    @property
+    def end(self) -> float:
+        """End of the last, s."""
+        return self.windows[-1].end
+
+    @property
+    def factor(self) -> float:
+        """Growth over all of them; the greatest number that is shown stands for more."""
+        return float(np.exp(min(self.exponent, 700.0)))
+
     def __str__(self) -> str:
-        first, last = self.windows[0], self.windows[-1]
-        factor = float(np.exp(min(self.exponent, 700.0)))
         return (
-            f"{first.mode} grows on from window to window, {first.start:.2f} to {last.end:.2f} s, by a factor of "
-            f"{factor:.4g} in all, without what the events between do themselves"
+            f"{self.mode} grows on from window to window, {self.start:.2f} to {self.end:.2f} s, by a factor of "
+            f"{self.factor:.4g} in all, without what the events between do themselves"
         )
 
 

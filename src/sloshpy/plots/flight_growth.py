@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from sloshpy.flight import FlightAssessment
+from sloshpy.flight.windows import GrowthChain, GrowthWindow
 from sloshpy.plots.flight_axes import TIME, mark_events
 from sloshpy.plots.style import ALARM, INK, SAFE, SMALL, finish, pair_or_new
 
@@ -26,17 +27,26 @@ def plot_flight_growth(result: FlightAssessment, ax: Sequence[Axes] | None = Non
     for window in windows:
         bottom.plot([window.start, window.end], 2 * [window.factor], color=ALARM, linewidth=3.0)
         bottom.plot(window.start, window.factor, "o", color=SAFE, markersize=7.0, zorder=5)
-    for window in windows[:3]:
+    chains = result.chains
+    told: list[GrowthWindow | GrowthChain] = [*windows[:3], *chains[:1]]
+    for chain in chains:
+        bottom.plot([chain.start, chain.end], 2 * [chain.factor], color=ALARM, linewidth=1.6, linestyle="--")
+    for one in told:
         bottom.annotate(
-            f"{window.mode}: x {window.factor:.3g}", (window.start, window.factor), (6, 6), textcoords="offset points",
+            f"{one.mode}: x {one.factor:.3g}", (one.start, one.factor), (6, 6), textcoords="offset points",
             fontsize=SMALL, va="bottom",
         )  # fmt: skip
-    bottom.set_ylim(0.0, 1.25 * max([2.0, *(min(window.factor, 1e6) for window in windows)]))
+    bottom.set_ylim(0.0, 1.25 * max([2.0, *(min(one.factor, 1e6) for one in told)]))
     bottom.axhline(1.0, color=INK, linewidth=0.9)
     mark_events([top, bottom], result)
     if windows:
         first = windows[0]
         message = f"{first.mode} grows by {first.factor:.3g} from its worst start at {first.start:.0f} s"
+        on = max(chains, key=lambda chain: chain.factor, default=None)
+        if on is not None and on.factor > first.factor:
+            message = (
+                f"{on.mode} grows by {on.factor:.3g} from {on.start:.0f} to {on.end:.0f} s, events passed (dashed)"
+            )
     else:
         message = "No mode grows at small amplitude"
         top.annotate("nothing grows", (0.5, 0.5), xycoords="axes fraction", ha="center")
