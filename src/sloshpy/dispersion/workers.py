@@ -5,19 +5,17 @@ one place where it is chosen who computes.
 """
 
 import multiprocessing
-import os
-import signal
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
 from sloshpy.dispersion.store import Layout
+from sloshpy.processes import begin, one_thread, pool_of
 
 START = 60.0  # s, in which a worker must have begun
 PATIENCE = 100  # a block may take the limit of one case, and a hundredth of it for each case
@@ -64,7 +62,7 @@ def _in_workers(
     while waiting:
         suspects: list[int] = []
         running: dict[Future[Rows], tuple[int, float]] = {}
-        with _pool(min(workers, len(waiting))) as (pool, end_all):
+        with pool_of(min(workers, len(waiting))) as (pool, end_all):
             while (waiting or running) and not suspects:
                 while waiting and len(running) < workers:
                     number = waiting.popleft()
@@ -101,59 +99,6 @@ def _arrived(future: Future[Rows], first: int, count: int, columns: int) -> Rows
     return rows if isinstance(rows, Rows) and rows.sound(first, count, columns) else None
 
 
-@contextmanager
-def _pool(workers: int) -> Iterator[tuple[ProcessPoolExecutor, Callable[[], None]]]:
-    """Run workers, each with one BLAS thread; the function ends them all at once, hung ones too.
-
-    All or none: one that is killed while it waits for work keeps the lock of the queue from the others.
-    """
-    others = set(multiprocessing.active_children())
-
-    def end_all() -> None:
-        for process in set(multiprocessing.active_children()) - others:
-            process.kill()
-
-    context = multiprocessing.get_context("spawn")  # a forked child would share locks and random state
-    with _one_thread():
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
-        try:
-            yield pool, end_all
-        except BaseException:  # an interrupt too, or a reader who has seen enough
-            end_all()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Have the processes that are started meanwhile use one thread for linear algebra: so do their last digits."""
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _begin() -> None:
-    """Prepare a worker: the keyboard is the driver's, and without a driver it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-
-    def end_with_parent() -> None:
-        if parent is not None:
-            parent.join()
-        os._exit(1)
-
-    threading.Thread(target=end_with_parent, daemon=True).start()
-
-
 def one_by_one(answer: Answer, first: int, count: int, columns: int, case_limit: float) -> Rows:
     """Return the rows of some cases, one after another in a process that may hang or die.
 
@@ -181,7 +126,7 @@ def _stretch(answer: Answer, first: int, end: int, columns: int, case_limit: flo
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_serve, args=(theirs, answer, first, end, columns), daemon=True)
-    with _one_thread():
+    with one_thread():
         process.start()
     theirs.close()
     rows: list[Rows] = []
@@ -217,7 +162,7 @@ def _begun(connection: Connection) -> None:
 
 
 def _serve(connection: Connection, answer: Answer, first: int, end: int, columns: int) -> None:
-    _begin()
+    begin()
     connection.send("ready")
     for case in range(first, end):
         connection.send(answered_here(answer, case, 1, columns))

@@ -1,15 +1,12 @@
 """Steps of work on the cores of this machine: the same steps as one after another, so the same bits."""
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+
+from sloshpy.processes import pool_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +40,7 @@ def answered(steps: Sequence[Step], workers: int, told: Callable[[str], None]) -
 
 def _from_workers(steps: Sequence[Step], workers: int) -> Iterator[tuple[int, Any]]:
     """Return the answers as they come; those of a pool that breaks do not come."""
-    with _pool(workers) as pool:
+    with pool_of(workers) as (pool, _):
         running: dict[Future[Any], int] = {pool.submit(step.ask): k for k, step in enumerate(steps)}
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -54,49 +51,3 @@ def _from_workers(steps: Sequence[Step], workers: int) -> Iterator[tuple[int, An
                 except BrokenProcessPool:
                     return
                 yield k, answer
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Run workers with one BLAS thread each; whatever ends this early kills them, so that no one waits for them."""
-    others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")  # a forked child would share locks
-    with _one_thread():
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
-        try:
-            yield pool
-        except BaseException:  # an interrupt too
-            for process in set(multiprocessing.active_children()) - others:
-                process.kill()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Have the processes that are started meanwhile use one thread for linear algebra: the cores are taken."""
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _begin() -> None:
-    """Prepare a worker: the keyboard is the driver's, and without a driver it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-
-    def end_with_parent() -> None:
-        if parent is not None:
-            parent.join()
-        os._exit(1)
-
-    threading.Thread(target=end_with_parent, daemon=True).start()
