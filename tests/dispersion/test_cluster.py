@@ -88,9 +88,9 @@ def test_the_command_is_the_same_with_a_cluster(there, tmp_path, capsys):
 
 def test_a_worker_of_another_environment_is_refused_with_the_difference(there, monkeypatch):
     monkeypatch.setattr(cluster_room, "environment_there", lambda: json.dumps({"numpy": "1.0", "threads": "1"}))
-    with pytest.raises(InputError, match=r"numpy 1\.0 there") as refused:
+    with pytest.raises(InputError, match=r"numpy: 1\.0 there") as refused:
         run_campaign(stage(), 5, 3, cluster=Cluster(address=there))
-    assert "sloshpy None there" in str(refused.value)
+    assert "sloshpy: None there" in str(refused.value)
 
 
 def test_what_is_not_what_was_asked_for_is_not_taken(one_thread):
@@ -109,7 +109,7 @@ def test_what_is_not_what_was_asked_for_is_not_taken(one_thread):
     assert taken(sent | {"block": encoded(3, rows, own)}) is None
     for strange in (None, b"", {}, {"block": 3}, {"block": sent["block"]}, sent | {"block": b"sloshpy block 1\n{}\n"}):
         assert taken(strange) is None
-    with pytest.raises(InputError, match="python 2 there"):
+    with pytest.raises(InputError, match="python: 2 there"):
         taken(sent | {"environment": json.dumps(json.loads(own) | {"python": "2"})})
     with pytest.raises(InputError, match="threads: 8 there, 1 now"):
         taken(sent | {"environment": json.dumps(json.loads(own) | {"threads": "8"})})

@@ -104,6 +104,7 @@ def assumptions(case: Case) -> list[str]:
 
 
 def shown(number: int, figure: ReportFigure) -> _Shown:
+    """Return a figure as it stands on the page, drawn as SVG, or the reason why there is none."""
     if figure.missing:
         return _Shown(figure=figure, svg="", reason=figure.missing)
     try:
