@@ -31,7 +31,7 @@ from sloshpy.dispersion import Dispersion, Linear, Nonlinear, Parameter, Uniform
 from sloshpy.dispersion.answers import answered
 from sloshpy.dispersion.varied import varied
 from sloshpy.dynamics import open_loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.files import read_case
 from sloshpy.simulation import simulate
 from sloshpy.simulation.envelope import settled_envelope

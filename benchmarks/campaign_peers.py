@@ -17,7 +17,7 @@ from campaign import DELAY, DURATION, GAIN, START, single_case, uncertain, with_
 from sloshpy.dispersion import Nonlinear
 from sloshpy.dispersion.answers import answered
 from sloshpy.dynamics import open_loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.simulation.envelope import settled_envelope
 from sloshpy.simulation.state_rows import slosh_rows
 

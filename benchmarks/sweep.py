@@ -29,7 +29,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.damping import ConstantDamping
 from sloshpy.dynamics import frequency_response, open_loop
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.files import read_case, to_control
 from sloshpy.stability import margins
 from sloshpy.stability.grid import GridSweep, grid_sweep

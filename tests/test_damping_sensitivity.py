@@ -6,8 +6,9 @@ import pytest
 import oracle
 from cases import paper_case, random_case, real_case, xi
 from sloshpy.dynamics import open_loop
+from sloshpy.dynamics.characteristic import polish
 from sloshpy.dynamics.plant import plant
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, polish
+from sloshpy.dynamics.poles import closed_loop_eigenvalues
 from sloshpy.files import read_case, write_example
 from sloshpy.stability import damping_sensitivity, margins
 

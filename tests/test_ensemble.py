@@ -7,7 +7,7 @@ from cases import paper_case, xi
 from sloshpy.autopilot import Actuator, Filter
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
 from sloshpy.dynamics import open_loop
-from sloshpy.dynamics.poles import delay_parts
+from sloshpy.dynamics.states import delay_parts
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation import OneMinusCosine, simulate, simulate_ensemble
 from sloshpy.simulation.envelope import in_turn, level_envelope, level_envelopes

@@ -3,8 +3,9 @@
 import numpy as np
 
 from sloshpy.autopilot import PADE_ORDER, delay_error
+from sloshpy.dynamics.characteristic import polish
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import delay_parts, polish, quiet_within, system_matrix
+from sloshpy.dynamics.states import delay_parts, quiet_within, system_matrix
 from sloshpy.units import Array, BoolArray, ComplexArray
 
 NEAR_AXIS = 0.1  # damping ratio: a phase error of 1e-3 rad moves a pole by a hundredth of that

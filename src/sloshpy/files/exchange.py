@@ -6,8 +6,8 @@ import numpy as np
 
 from sloshpy.autopilot import DigitalFilter, Filter
 from sloshpy.dynamics import FrequencyResponse, Loop
-from sloshpy.dynamics.poles import controller
 from sloshpy.dynamics.sensed import fed
+from sloshpy.dynamics.states import controller
 from sloshpy.errors import OutsideValidity
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sloshpy.dynamics import Loop, open_loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.flight.command_record import CommandRecord, delays, emptied_after
 from sloshpy.flight.growth_along import slosh_rows
 from sloshpy.flight.trajectory import Phase

@@ -26,7 +26,7 @@ import numpy as np
 
 from sloshpy.autopilot.blocks import LEAST_DELAY
 from sloshpy.dynamics import Loop, open_loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.flight.trajectory import Phase
 from sloshpy.limit_cycle.branch import Follower, Mode

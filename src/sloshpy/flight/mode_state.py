@@ -9,8 +9,8 @@ from sloshpy.autopilot import series_blocks
 from sloshpy.autopilot.blocks import Block
 from sloshpy.case import Case
 from sloshpy.dynamics import Loop, open_loop
-from sloshpy.dynamics.poles import controller, system_matrix
 from sloshpy.dynamics.sensed import fed
+from sloshpy.dynamics.states import controller, system_matrix
 from sloshpy.flight.growth_along import FlightGrowth, slosh_rows
 from sloshpy.limit_cycle.branch import Mode
 from sloshpy.units import Array, ComplexArray

@@ -16,9 +16,9 @@ import numpy as np
 
 from sloshpy.damping import DampingLaw, ratios
 from sloshpy.damping.laws import MOST_DAMPING
+from sloshpy.dynamics.characteristic import characteristic_matrix
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.plant import slosh_damping
-from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.units import Array, ComplexArray
 
 MOST_STEPS = 3000

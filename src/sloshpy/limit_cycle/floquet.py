@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sloshpy.dynamics.poles import system_matrix, unstable_count
+from sloshpy.dynamics.poles import unstable_count
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.limit_cycle.harmonic_balance import Balance, mobility, slopes, velocities
 from sloshpy.units import Array, ComplexArray
 

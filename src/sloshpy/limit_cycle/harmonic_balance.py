@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sloshpy.damping import DampingLaw
+from sloshpy.dynamics.characteristic import characteristic_matrix
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.dynamics.response import REFERENCE_DAMPING, excess_damping
 from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, ComplexArray, IntArray

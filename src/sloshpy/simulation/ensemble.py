@@ -12,7 +12,7 @@ import numpy as np
 
 from sloshpy.case import Case, continuous
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import delay_parts
+from sloshpy.dynamics.states import delay_parts
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation.envelope import in_turn, level_envelopes
 from sloshpy.simulation.march import DIVERGED

@@ -18,9 +18,10 @@ from sloshpy.autopilot.transfer import forward_fraction
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import DampingLaw
+from sloshpy.dynamics.characteristic import characteristic_matrix
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import NEUTRAL, characteristic_matrix, closed_loop_eigenvalues
+from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation.signals import Noise
 from sloshpy.units import Array, ComplexArray

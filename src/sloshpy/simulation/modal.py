@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.simulation.state_rows import engine_row, slosh_rows, wind_push
 from sloshpy.units import Array, ComplexArray, Real
 

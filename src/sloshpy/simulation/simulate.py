@@ -15,7 +15,7 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.march import MOST_STEPS, STABLE, march
 from sloshpy.simulation.model import Model, constant

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import controller
 from sloshpy.dynamics.sensed import fed
+from sloshpy.dynamics.states import controller
 from sloshpy.units import Array
 
 

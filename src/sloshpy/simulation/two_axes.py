@@ -12,7 +12,7 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case, continuous
 from sloshpy.dynamics.loop import open_loop
-from sloshpy.dynamics.poles import system_matrix
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation.envelope import Envelope, settled_envelope
 from sloshpy.simulation.state_rows import engine_row, slosh_rows

@@ -15,9 +15,10 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
+from sloshpy.dynamics.characteristic import characteristic_matrix
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import slosh_damping
-from sloshpy.dynamics.poles import Poles, characteristic_matrix, closed_loop_poles
+from sloshpy.dynamics.poles import Poles, closed_loop_poles
 from sloshpy.dynamics.response import at_reference, excess_damping, transfer
 from sloshpy.stability.margins import DISTANT, Margins, loop_margins
 from sloshpy.stability.mode_shape import null_vectors

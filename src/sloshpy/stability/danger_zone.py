@@ -8,9 +8,9 @@ import numpy as np
 from sloshpy.autopilot import Autopilot, forward_transfer
 from sloshpy.batch import single
 from sloshpy.case import Case
+from sloshpy.dynamics.characteristic import characteristic_matrix
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
-from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.dynamics.sensed import bordering_row
 from sloshpy.errors import OutsideValidity
 from sloshpy.stability.required_damping import joint_damping, loop_required_damping

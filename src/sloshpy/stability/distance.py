@@ -15,8 +15,8 @@ from collections.abc import Callable
 import numpy as np
 
 from sloshpy.case import Criteria
+from sloshpy.dynamics.characteristic import characteristic_matrix
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import characteristic_matrix
 from sloshpy.dynamics.response import transfer
 from sloshpy.stability.nichols import sampled, valley_samples
 from sloshpy.units import Array, ComplexArray

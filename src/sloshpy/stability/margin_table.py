@@ -9,7 +9,8 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import NEUTRAL, system_matrix
+from sloshpy.dynamics.poles import NEUTRAL
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.errors import OutsideValidity
 from sloshpy.stability.distance import disk_guarantee
 from sloshpy.stability.margins import Margins, margins

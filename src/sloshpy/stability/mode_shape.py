@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sloshpy.dynamics.characteristic import characteristic_matrix, polish
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import characteristic_matrix, polish
 from sloshpy.units import Array, ComplexArray
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.poles import system_matrix
 from sloshpy.dynamics.response import transfer
 from sloshpy.dynamics.sensed import fed
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.units import Array, BoolArray, ComplexArray, IntArray, Real
 
 

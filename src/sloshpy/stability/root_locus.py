@@ -8,7 +8,8 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import open_loop
-from sloshpy.dynamics.poles import closed_loop_eigenvalues, closed_loop_poles, open_loop_poles, system_matrix
+from sloshpy.dynamics.poles import closed_loop_eigenvalues, closed_loop_poles, open_loop_poles
+from sloshpy.dynamics.states import system_matrix
 from sloshpy.stability.nichols import loop_zeros
 from sloshpy.units import Array, ComplexArray, Real
 
