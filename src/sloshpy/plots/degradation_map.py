@@ -1,5 +1,7 @@
 """Engine amplitude of the limit cycle over gain and delay, with the disc margin and the paper's point."""
 
+from typing import Literal
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -9,6 +11,7 @@ from sloshpy.plots.style import ALARM, GREY, INK, SAFE, SMALL, axes_or_new, fini
 
 SHADES = ("#f4f4f4", "#e4e4e4", "#d2d2d2", "#bdbdbd", "#a6a6a6", "#8f8f8f", "#787878")
 LEVELS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0])  # mrad
+MOST_LEVELS = 6
 WORDS = {2: "no data", 3: "several modes grow", 4: "diverges"}
 HATCH = {2: "//", 3: "xx", 4: "\\\\"}
 
@@ -35,19 +38,21 @@ def plot_degradation_map(found: DegradationMap, ax: Axes | None = None) -> Axes:
             g, d = np.argwhere(cells).mean(axis=0)
             at = (float(np.interp(d, np.arange(len(x)), x)), float(np.interp(g, np.arange(len(y)), y)))
             box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-            ax.annotate(WORDS[code], at, ha="center", fontsize=SMALL, color=INK, bbox=box)
+            side, edge = _towards_the_middle(ax, *at)
+            ax.annotate(WORDS[code], at, ha=side, va=edge, fontsize=SMALL, color=INK, bbox=box)
     _ellipse(ax, found)
     gain, delay = found.point
     if np.isfinite(gain):
         ax.plot(1e3 * delay, gain, "o", color=ALARM, markersize=9.0, zorder=6)
         number = f"{1e3 * found.point_tvc:.2f} mrad" if np.isfinite(found.point_tvc) else "no number"
         words = f"paper's point: {gain:.2f} dB, {1e3 * delay:.0f} ms\n{number}"
+        side = _towards_the_middle(ax, 1e3 * delay, gain)[0]
         ax.annotate(
             words,
             (1e3 * delay, gain),
-            (-10, -8),
+            (10 if side == "left" else -10, -8),
             textcoords="offset points",
-            ha="right",
+            ha=side,
             va="top",
             fontsize=10.0,
             fontweight="bold",
@@ -58,6 +63,12 @@ def plot_degradation_map(found: DegradationMap, ax: Axes | None = None) -> Axes:
     finish(ax, _message(found), "Extra delay [ms]", "Extra loop gain [dB]")
     ax.grid(False)
     return ax
+
+
+def _towards_the_middle(ax: Axes, x: float, y: float) -> tuple[Literal["left", "right"], Literal["bottom", "top"]]:
+    """Return how words at a point are aligned so that they stay on the map."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    return "left" if 2.0 * x < left + right else "right", "bottom" if 2.0 * y < low + high else "top"
 
 
 def _ellipse(ax: Axes, found: DegradationMap) -> None:
@@ -84,11 +95,15 @@ def _contours(ax: Axes, found: DegradationMap, z: "np.ma.MaskedArray[tuple[int, 
     x, y = 1e3 * found.delay, found.gain_db
     least, most, limit = float(z.min()), float(z.max()), 1e3 * found.limit
     levels = LEVELS[(least < LEVELS) & (most > LEVELS)]
+    levels = levels[len(levels) % 2 :: 2] if len(levels) > MOST_LEVELS else levels  # the greater ones count
     if len(levels):
         shades = [SHADES[min(k, len(SHADES) - 1)] for k in range(len(levels) + 1)]
         ax.contourf(x, y, z, levels=[-np.inf, *levels, np.inf], colors=shades)
         lines = ax.contour(x, y, z, levels=levels, colors=INK, linewidths=0.8)
-        ax.clabel(lines, fmt=lambda v: f"{v:g} mrad", fontsize=SMALL)
+        wanted = np.linspace(x[0], x[-1], len(levels) + 2)[1:-1]  # one beside the other, not one upon the other
+        paths = [np.asarray(path.vertices) for path in lines.get_paths()]
+        places = [path[np.argmin(np.abs(path[:, 0] - at))] for path, at in zip(paths, wanted, strict=True) if len(path)]
+        ax.clabel(lines, fmt=lambda v: f"{v:g} mrad", fontsize=SMALL, manual=places)
     if least < limit < most:
         bold = ax.contour(x, y, z, levels=[limit], colors=ALARM, linewidths=3.0)
         line = np.concatenate([path.vertices for path in bold.get_paths()])
@@ -115,7 +130,7 @@ def _message(found: DegradationMap) -> str:
     inside, worst, limit = (np.degrees(x) for x in (found.worst_inside, found.worst, found.limit))
     start = f"Degraded anywhere inside the disc margin, {found.tank}'s loop"
     if np.isnan(inside):
-        return f"{start} has degradations for which no limit cycle can be predicted"
+        return f"{start} has degradations without a number, in it or on its edge"
     if np.isinf(inside):
         return f"{start} has degradations for which it diverges"
     sign = "within" if worst <= limit else "beyond"
