@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from sloshpy.plots.style import ALARM, INK, SMALL, axes_or_new, curve_style, finish, mark_line, percent
+from sloshpy.plots.style import INK, SMALL, axes_or_new, curve_style, finish, mark_line, percent
 from sloshpy.stability import RequiredDampingMap
+
+ALIKE = 1e-3  # relative: needs this near to each other are told as one
 
 
 def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None) -> Axes:
@@ -25,12 +27,12 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
     bounds = []
     for k, one in enumerate(maps):
         style = curve_style(k)
-        ax.plot(one.station, 100.0 * one.required, **style)
+        ax.plot(one.station, 100.0 * one.required, label=one.tank, **style)
         station = next(float(t.station) for t in vehicle.tanks if t.name == one.tank)
         own = int(np.argmin(np.abs(one.station - station)))
         need = one.required[own]
         shown = 100.0 * need if np.isfinite(need) else 1.2 * top
-        ax.plot(station, shown, "o", color=ALARM, markersize=8.0, zorder=5)
+        ax.plot(station, shown, "o", color=style["color"], markersize=8.0, zorder=5)
         words = f"{one.tank}: {percent(need)}" if np.isfinite(need) else f"{one.tank}: none suffices"
         right = station < 0.25 * low + 0.75 * high
         ax.annotate(
@@ -40,7 +42,7 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
             textcoords="offset points",
             ha="left" if right else "right",
             fontweight="bold",
-            color=ALARM,
+            color=style["color"],
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.7},
         )
         if not one.zone.reason:
@@ -54,6 +56,7 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
         ax.annotate(
             text, (max(bounds), 1.2 * top), (5, 0), textcoords="offset points", fontsize=SMALL, ha="left", va="center"
         )
+    ax.legend(loc="upper right", fontsize=SMALL)
     finish(ax, _message(maps), "Station of the slosh mass, forward of the gimbal [m]", "Required slosh damping [%]")
     return ax
 
@@ -70,4 +73,7 @@ def _message(maps: Sequence[RequiredDampingMap]) -> str:
     tank = max(needs, key=lambda name: needs[name])
     if needs[tank] == 0.0:
         return "No tank needs slosh damping where it stands"
+    most = [name for name, need in needs.items() if need > (1.0 - ALIKE) * needs[tank]]
+    if len(most) > 1:
+        return f"Where the tanks stand, {' and '.join(most)} need {percent(needs[tank])} of slosh damping each"
     return f"Where the tanks stand, {tank} needs most slosh damping: {percent(needs[tank])}"
