@@ -2,30 +2,19 @@
 
 import json
 import re
-import shlex
 from pathlib import Path
 
-import pytest
+from pages import commands, page, run, write_files
 
-from sloshpy.cli import main
-
-PAGE = (Path(__file__).parents[1] / "docs" / "flight.md").read_text(encoding="utf-8")
-
-
-def run(line: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(shlex.split(line)[1:])
-    return int(end.value.code or 0)
+PAGE = page("flight.md")
 
 
 def test_the_page_shows_what_its_commands_say(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for name, text in re.findall(r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", PAGE, flags=re.M | re.S):
-        Path(name).write_text(text, encoding="utf-8")
+    write_files(PAGE)
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, flags=re.M | re.S)
-    commands = [line for language, block in blocks if language == "sh" for line in block.splitlines()]
     said = []
-    for command in commands:
+    for command in commands(PAGE):
         status = run(command)
         assert status == (1 if "--linear" in command else 0), command
         said.append(capsys.readouterr().out)

@@ -1,31 +1,22 @@
 """The walk of docs/tank-to-verdict.md, from a contour and a record to a verdict, run as it stands."""
 
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 
-from sloshpy.cli import main
+from pages import commands, page, run, write_files
 from sloshpy.files import read_case
 
-PAGE = (Path(__file__).parents[1] / "docs" / "tank-to-verdict.md").read_text(encoding="utf-8")
+PAGE = page("tank-to-verdict.md")
 HERE = "# damping: the line goes here"
-
-
-def run(line: str) -> int:
-    with pytest.raises(SystemExit) as end:
-        main(shlex.split(line)[1:])
-    return int(end.value.code or 0)
 
 
 def test_the_page_leads_from_contour_and_record_to_the_verdict_it_shows(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for name, text in re.findall(r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", PAGE, flags=re.M | re.S):
-        Path(name).write_text(text, encoding="utf-8")
-    commands = [c for block in re.findall(r"^```sh\n(.*?)^```", PAGE, flags=re.M | re.S) for c in block.splitlines()]
+    write_files(PAGE)
     said = {}
-    for command in commands:
+    for command in commands(PAGE):
         if command.startswith("sloshpy assess"):
             (damping,) = re.findall(r"^damping = .*$", said["decay"], flags=re.M)
             assert HERE in Path("stage.toml").read_text()
