@@ -160,19 +160,10 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     required = loop_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
     xi = float(required.required)
     mass = case.vehicle.tanks[tank]
-    if np.isnan(xi):
-        return _without(case, tank, required, False, _why_none(case, loop, tank))
-    if xi == 0.0:
-        rest = [t.name for t in case.vehicle.tanks if t.name != mass.name]
-        beside = f" of its own, with {', '.join(rest)} damped as all together need" if rest else ""
-        return _without(case, tank, required, True, f"no slosh damping is needed{beside}: no limit cycle to find")
+    nothing = _nothing_to_find(case, tank, required)
+    if nothing is not None:
+        return nothing
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
-    if np.isinf(amplitude):
-        short = f"its damping stays below the required {100 * xi:.4g} % at every amplitude"
-        return _without(case, tank, required, False, short)
-    if amplitude == 0.0:
-        enough = f"its damping is at least the required {100 * xi:.4g} % at every amplitude"
-        return _without(case, tank, required, True, enough)
     damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
     threshold = replace(loop, damping=damping)
     band = _band(case, threshold, tank)  # step 3
@@ -224,6 +215,25 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         band_tvc=tvc,
         paper_band_tvc=paper_tvc,
     )
+
+
+def _nothing_to_find(case: Case, tank: int, required: RequiredDamping) -> LimitCycle | None:
+    """Return the answer where no amplitude gives the required damping, or none has to; else None."""
+    xi, mass = float(required.required), case.vehicle.tanks[tank]
+    if np.isnan(xi):
+        return _without(case, tank, required, False, _why_none(case, required.source, tank))
+    if xi == 0.0:
+        rest = [t.name for t in case.vehicle.tanks if t.name != mass.name]
+        beside = f" of its own, with {', '.join(rest)} damped as all together need" if rest else ""
+        return _without(case, tank, required, True, f"no slosh damping is needed{beside}: no limit cycle to find")
+    amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
+    if np.isinf(amplitude):
+        short = f"its damping stays below the required {100 * xi:.4g} % at every amplitude"
+        return _without(case, tank, required, False, short)
+    if amplitude == 0.0:
+        enough = f"its damping is at least the required {100 * xi:.4g} % at every amplitude"
+        return _without(case, tank, required, True, enough)
+    return None
 
 
 def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
