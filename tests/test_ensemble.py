@@ -214,7 +214,7 @@ def test_gusts_of_a_batch_are_those_of_single_runs():
 
 def test_a_delay_in_more_parts_changes_no_neighbour(monkeypatch):
     """What one run's delay is approximated in is its own: the same bits beside a longer one."""
-    monkeypatch.setattr("sloshpy.dynamics.poles.PART", 0.36)
+    monkeypatch.setattr("sloshpy.dynamics.states.PART", 0.36)
     delays = np.array([0.16, 0.18, 0.15, 0.35])
     found = simulate_ensemble(paper_case(delay=delays), 60.0, 0.1, step=0.05)
     parts = delay_parts(open_loop(paper_case(delay=delays), 0.0))
