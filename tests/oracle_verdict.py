@@ -60,7 +60,9 @@ def minima(case, xi, below=1.6):
     low = np.flatnonzero(np.minimum(DM[1:], DM[:-1]) < below)  # there also the shallowest dip counts
     more = omega[low, None] + np.diff(omega)[low, None] * np.arange(1, 8) / 8
     omega = np.unique(np.concatenate([omega, more.ravel()]))
-    omega = omega[np.append(True, np.diff(omega) > 1e-8 * omega[:-1])]  # nearer ones differ by rounding
+    # nearer ones differ by rounding, unless a tank's damping makes the curve as narrow
+    apart = np.clip(1e-2 * np.min(xi[xi > 0.0], initial=1.0), 1e-11, 1e-8)
+    omega = omega[np.append(True, np.diff(omega) > apart * omega[:-1])]
     DM = distance(response(case, xi, omega)[0], case.criteria)
     k = 1 + np.flatnonzero((DM[1:-1] <= DM[:-2]) & (DM[1:-1] < DM[2:]) & (DM[1:-1] < below))
     found = []
@@ -119,6 +121,22 @@ def good(case, xi, tank, slack):
         if value < case.criteria.disc_margin - slack and belongs(share, tank):
             return None if doubtful(share, tank) else False
     return True
+
+
+def over(case, xi, tank, low, high):
+    """Frequencies of an interval, L and z/beta of a tank, so dense that ln z moves by less than 0.01: at a zero near
+    the axis its phase turns, however narrow the zero."""
+    omega = np.linspace(low, high, 4001)
+    L, z = response(case, xi, omega)
+    for _ in range(40):
+        step = np.abs(np.log(z[1:, tank] / z[:-1, tank]))
+        k = np.flatnonzero((step > 0.01) & (np.diff(omega) > 1e-12 * omega[1:]))
+        if not len(k):
+            break
+        middle = 0.5 * (omega[k] + omega[k + 1])
+        more = response(case, xi, middle)
+        omega, L, z = (np.insert(x, k + 1, new, axis=0) for x, new in zip((omega, L, z), (middle, *more), strict=True))
+    return omega, L, z[:, tank]
 
 
 def law_amplitude(law, ratio):
@@ -195,16 +213,16 @@ def compare(case, review, joint, tally):
         tally["margin reached to 1e-6" if beside < 1e-2 else "stability or the end of a minimum"] += 1
         expect("good just above", good(case, damped(needed * (1 + beside)), j, 1e-6) is not False)
         # a joint requirement of one tank leaves another one at the criterion already, with next to no damping
-        expect("bad just below", needed < 1e-8 or good(case, damped(needed * (1 - beside)), j, 1e-6) is not True)
+        # and a minimum may hardly move with the damping of a tank: its value is good to rounding
+        expect("bad just below", needed < 1e-8 or good(case, damped(needed * (1 - beside)), j, 1e-9) is not True)
         if cycle["tvc_amplitude_rad"] is None:
             unsupported |= cycle["acceptable"] is None
             continue
         A = law_amplitude(tank.damping, needed) * tank.frequency
         ends = 2 * np.pi * np.array(cycle["band_hz"])
-        inside = np.linspace(*ends, 4001)
-        L, z = response(case, damped(needed), inside)
+        inside, L, z = over(case, damped(needed), j, *ends)
         near = distance(L, criteria) <= criteria.limit_cycle_disc_margin * (1 + 1e-9)
-        tvc = (A / inside / np.abs(z[:, j]))[near]
+        tvc = (A / inside / np.abs(z))[near]
         expect("slosh amplitude", abs(cycle["slosh_amplitude_m"] * omega / A - 1) < 1e-9)
         expect("engine amplitude", abs(tvc.max() / cycle["tvc_amplitude_rad"][1] - 1) < 1e-3)
         pilot = (

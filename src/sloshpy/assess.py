@@ -301,10 +301,10 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
         target = {None: all_.invalid, False: all_.failed, True: all_.met}[cycle.acceptable]
         if np.isfinite(cycle.tvc_amplitude[1]) and cycle.acceptable is not None:
             worst, limit = np.degrees(cycle.worst_tvc_amplitude), np.degrees(cycle.tvc_limit)
-            sign = "<=" if worst <= limit else ">"
+            sign, angle = "<=" if worst <= limit else ">", f"{worst:.3f}" if worst <= 90.0 else "more than 90"
             target.append(
                 f"{tank.name}: degraded by its whole margin it cycles with {cycle.worst_slosh_amplitude:.4g} m of "
-                f"slosh and {worst:.3f} deg of engine, {sign} {limit:.3g} deg"
+                f"slosh and {angle} deg of engine, {sign} {limit:.3g} deg"
             )
             all_.cautions.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
         else:

@@ -18,9 +18,9 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle.band import engine_per_slosh, inner_peak, slosh_band
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.stability.margins import loop_margins
-from sloshpy.stability.nichols import nichols_disc_margin, sampled
 from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping
 from sloshpy.units import Array
 
@@ -107,15 +107,13 @@ class LimitCycle:
         """Return the numbers in four lines, or the reasons where there are none."""
         if not np.all(np.isfinite(self.tvc_amplitude)):
             return f"{self.tank}: " + "; ".join(self.reasons)
-        low, high = np.degrees(self.tvc_amplitude)
         bands = ", ".join(f"{a:.4f}-{b:.4f}" for a, b in self.band / (2.0 * np.pi))
         verdict = {None: "not supported", True: "acceptable", False: "NOT acceptable"}[self.acceptable]
         lines = [
-            f"{self.tank}: {verdict}; engine {1e3 * self.tvc_amplitude[0]:.3f}-{1e3 * self.tvc_amplitude[1]:.3f} mrad "
-            f"({low:.3f}-{high:.3f} deg), limit {np.degrees(self.tvc_limit):.3f} deg",
+            f"{self.tank}: {verdict}; engine {_angles(self.tvc_amplitude)}, limit {np.degrees(self.tvc_limit):.3f} deg",
             f"  slosh {self.slosh_amplitude:.4f} m at {self.omega / 2 / np.pi:.4f} Hz, band {bands} Hz",
             f"  paper's convention: slosh {self.paper_slosh_amplitude:.4f} m, engine "
-            f"{1e3 * self.paper_tvc_amplitude[0]:.3f}-{1e3 * self.paper_tvc_amplitude[1]:.3f} mrad",
+            f"{_angles(self.paper_tvc_amplitude).partition(' (')[0]}",
             f"  required damping {100 * float(self.required.required):.4f} %{self._held}; neutral after "
             f"{self.gain_db:.3f} dB and {1e3 * self.delay:.1f} ms{self._checked}",
         ]
@@ -142,6 +140,14 @@ class LimitCycle:
         )
 
 
+def _angles(least_greatest: Array) -> str:
+    """Return a range of engine angles in mrad and deg."""
+    low, high = least_greatest
+    if high > 0.5 * np.pi:
+        return f"{1e3 * low:.3f} to beyond 1571 mrad ({np.degrees(low):.3f} to beyond 90 deg)"
+    return f"{1e3 * low:.3f}-{1e3 * high:.3f} mrad ({np.degrees(low):.3f}-{np.degrees(high):.3f} deg)"
+
+
 def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = None) -> LimitCycle:
     """Return the limit cycle of a tank under degraded margins, by the paper's five steps (sec C.3).
 
@@ -166,15 +172,14 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
     threshold = replace(loop, damping=damping)
-    band = _band(case, threshold, tank)  # step 3
+    band = slosh_band(threshold, criteria, tank)  # step 3
     if not band.size:
         return _without(case, tank, required, None, _why_no_band(threshold, criteria, tank))
     omega = float(required.omega)
     w = float(mass.frequency)
-    samples = np.concatenate([np.linspace(a, b, 201) for a, b in band])
-    gain = np.abs(transfer(threshold.along(), 1j * samples).slosh[..., tank])
-    paper_tvc, tvc = amplitude / gain, amplitude * w / samples / gain  # step 4
-    extremes = _extremes(threshold, tank, samples, tvc, amplitude * w, 1)
+    samples, per_slosh = engine_per_slosh(threshold, tank, band)
+    paper_tvc, tvc = amplitude * per_slosh, amplitude * w / samples * per_slosh  # step 4
+    extremes, paper_extremes = (np.array([np.min(x), np.max(x)]) for x in (tvc, paper_tvc))
     consistent = amplitude * w / omega
     L = complex(transfer(threshold, np.array(1j * omega)).loop)
     gain_to_neutral, delay = 1.0 / abs(L), float(np.angle(-L)) / omega
@@ -203,14 +208,16 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         slosh_amplitude=consistent,
         paper_slosh_amplitude=amplitude,
         tvc_amplitude=extremes,
-        paper_tvc_amplitude=_extremes(threshold, tank, samples, paper_tvc, amplitude, 0),
+        paper_tvc_amplitude=paper_extremes,
         gain=gain_to_neutral,
         delay=delay,
         degraded_growth=degraded,
         coupled=coupled,
         tvc_limit=criteria.tvc_amplitude,
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
-        reasons=tuple(unsupported + _cautions(case, tank, amplitude, largest)),
+        reasons=tuple(
+            unsupported + _cautions(case, tank, amplitude, largest) + _caution_of_zero(mass.name, samples, tvc, band)
+        ),
         band_omega=samples,
         band_tvc=tvc,
         paper_band_tvc=paper_tvc,
@@ -318,6 +325,17 @@ def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> lis
     return cautions
 
 
+def _caution_of_zero(tank: str, omega: Array, tvc: Array, band: Array) -> list[str]:
+    """Return what a reader must know where a zero of the plant inside the band sets the engine amplitude."""
+    at = inner_peak(omega, tvc, band)
+    if at is None:
+        return []
+    return [
+        f"caution: its greatest engine angle is near a zero of the plant, at {at / (2.0 * np.pi):.4f} Hz, where {tank} "
+        "hardly moves whatever the engine does: a bound that no cycle need come near"
+    ]
+
+
 def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool | None, reason: str) -> LimitCycle:
     """Return the answer where there is no limit cycle to compute, with its reason."""
     nothing = np.full(2, np.nan)
@@ -342,48 +360,3 @@ def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool 
         band_tvc=np.zeros(0),
         paper_band_tvc=np.zeros(0),
     )
-
-
-def _band(case: Case, loop: Loop, tank: int) -> Array:
-    """Return the intervals with DM below the limit-cycle threshold about the tank's slosh-related minima, rad/s."""
-    from scipy.optimize import elementwise  # 0.4 s: only when a limit cycle is wanted
-
-    c = case.criteria
-    found = loop_margins(loop, c)
-    own = found.related(tank) & (found.minima.value < c.limit_cycle_disc_margin)
-    curve = sampled(loop, c.gain_margin, c.phase_margin)
-    omega = np.unique(np.concatenate([curve.omega, found.minima.omega[own]]))
-
-    def above(omega: Array) -> Array:
-        L = transfer(loop.along(), 1j * omega).loop
-        return nichols_disc_margin(L, c.gain_margin, c.phase_margin) - c.limit_cycle_disc_margin
-
-    value = above(omega)
-    at = np.flatnonzero(value[:-1] * value[1:] < 0.0)
-    edges = np.asarray(elementwise.find_root(above, (omega[at], omega[at + 1]), tolerances={"xrtol": 1e-14}).x)
-    falling = value[at] > 0.0
-    intervals = [
-        (float(edges[k]), float(edges[k + 1])) for k in range(len(edges) - 1) if falling[k] and not falling[k + 1]
-    ]
-    kept = [(a, b) for a, b in intervals if np.any((found.minima.omega[own] >= a) & (found.minima.omega[own] <= b))]
-    return np.array(kept).reshape(-1, 2)
-
-
-def _extremes(loop: Loop, tank: int, omega: Array, tvc: Array, numerator: float, power: int) -> Array:
-    """Return least and greatest engine amplitude over the band, refined where they lie inside it."""
-    from scipy.optimize import elementwise  # as above
-
-    def amplitude(w: Array, sign: Array) -> Array:
-        gain = np.abs(transfer(loop.along(), 1j * np.atleast_1d(w)).slosh[..., tank])
-        return np.asarray(sign * numerator / (w**power * gain))
-
-    result = []
-    for sign in (1.0, -1.0):
-        k = int(np.argmin(sign * tvc)) if np.all(np.isfinite(tvc)) else 0
-        inside = 0 < k < len(tvc) - 1 and np.all(sign * tvc[[k - 1, k + 1]] >= sign * tvc[k])
-        if inside and omega[k - 1] < omega[k] < omega[k + 1]:
-            found = elementwise.find_minimum(amplitude, tuple(omega[k - 1 : k + 2, None]), args=(np.array([sign]),))
-            result.append(float(sign * found.f_x[0]))
-        else:
-            result.append(float(tvc[k]))
-    return np.array(result)

@@ -1,0 +1,81 @@
+"""The slosh-related band and the engine amplitude over it, against dense grids of a second implementation."""
+
+import numpy as np
+import pytest
+
+import oracle_flexible as second
+import oracle_verdict
+from cases import lawful_case, paper_case
+from sloshpy import assess
+from sloshpy.case import Criteria
+from sloshpy.dynamics.loop import open_loop
+from sloshpy.files import read_case, write_example
+from sloshpy.limit_cycle.band import engine_per_slosh, plant_features, slosh_band
+from sloshpy.stability.nichols import sampled
+
+
+# 594: the peak is as narrow as 0.003 rad/s in a band of 1.8 rad/s; 1127: three tanks, of which one damps nothing
+@pytest.mark.parametrize("number", [594, 1127, 4])
+def test_the_engine_amplitude_is_found_between_poles_and_zeros_of_the_plant(number):
+    case = lawful_case(97, number)
+    found = assess(case)
+    checked = 0
+    for j, tank in enumerate(found.tanks):
+        cycle = tank.limit_cycle
+        if not cycle.band.size:
+            continue
+        loop = cycle.required.source
+        ratio = np.where(np.arange(len(found.tanks)) == j, float(cycle.required.required), loop.damping)
+        own = case.vehicle.tanks[j]
+        numerator = oracle_verdict.law_amplitude(own.damping, ratio[j]) * own.frequency
+        omega = np.concatenate([np.linspace(*interval, 200_001) for interval in cycle.band])
+        gain = np.abs(oracle_verdict.response(case, ratio, omega)[1][:, j])
+        tvc = numerator / omega / gain
+        assert cycle.tvc_amplitude == pytest.approx([tvc.min(), tvc.max()], rel=1e-4)
+        assert np.all(cycle.tvc_amplitude[0] <= tvc * (1.0 + 1e-12))
+        assert np.all(cycle.tvc_amplitude[1] >= tvc * (1.0 - 1e-12))
+        paper = numerator / own.frequency / gain
+        assert cycle.paper_tvc_amplitude == pytest.approx([paper.min(), paper.max()], rel=1e-4)
+        checked += 1
+    assert checked
+
+
+def test_poles_and_zeros_of_the_plant_are_those_of_the_second_implementation():
+    for number in range(30):
+        case = lawful_case(97, number)
+        loop = open_loop(case, 0.02)
+        for j in range(len(case.vehicle.tanks)):
+            p = second.second_order(case.vehicle, loop.damping)
+            for s in plant_features(loop, j):
+                beside = np.array([s, s * (1.0 + 1e-6), s * (1.0 - 1e-6j), s * (1.0 + 1e-3)])
+                z = np.abs(second.solved(p, case.autopilot, beside)[1][:, j])
+                # at a pole far above, at a zero far below what it is a thousandth beside it
+                assert z[0] > 1e2 * z[3] or z[0] < 1e-2 * z[3], (number, j, s)
+
+
+def test_the_answer_says_where_a_zero_of_the_plant_sets_it():
+    found = assess(lawful_case(97, 1127))
+    cycle = found.tanks[0].limit_cycle
+    assert any("near a zero of the plant, at 0.2648 Hz" in reason for reason in cycle.reasons)
+    assert "to beyond 90 deg" in str(cycle)
+    assert "more than 90 deg of engine, > " in str(found)
+
+
+def test_a_band_that_reaches_down_to_rest_is_a_band():
+    case = paper_case()
+    loop = open_loop(case, 0.05)
+    narrow = slosh_band(loop, case.criteria, 0)
+    assert narrow.shape == (1, 2)
+    wide = slosh_band(loop, Criteria(limit_cycle_disc_margin=1e3), 0)
+    curve = sampled(loop, case.criteria.gain_margin, case.criteria.phase_margin)
+    assert wide == pytest.approx(np.array([[curve.omega[0], curve.omega[-1]]]))
+
+
+def test_an_undamped_zero_leaves_no_bound(tmp_path):
+    loop = open_loop(read_case(write_example("two_tanks", tmp_path)), np.array([0.05, 0.0]))
+    zeros = [s for s in plant_features(loop, 0) if abs(s.real) < 1e-9 * abs(s)]
+    assert zeros
+    at = abs(zeros[0].imag)
+    omega, ratio = engine_per_slosh(loop, 0, np.array([[0.97 * at, 1.02 * at]]))
+    assert np.max(ratio) > 1e6 * np.median(ratio)
+    assert np.all(np.diff(omega) > 0.0)
