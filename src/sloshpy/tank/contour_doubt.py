@@ -20,6 +20,7 @@ _CAUTION = 1.5  # spheres of 8 to 200 points, exact and rounded to 1e-3 and 1e-4
 _STEPS = tuple(unit * part for unit in (1.0, 0.0254, 0.3048) for part in (1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6))
 _HALF = 0.499  # of a step, so that no two heights change places
 _FOLDED = 0.3  # of a triangle's area: what must be left of it when the wall under it moves
+_MESH = 1e-4  # of corners; what both walls share leaves the difference
 _ALL = 1.0  # the doubt where a wall that the points allow has no slosh modes
 
 
@@ -60,7 +61,7 @@ def doubt_of(shape: Contour, section: LiquidSection, modes: int, wanted: int) ->
     between, rounded = list(_between(shape)), list(_rounded(shape))
     if not between and not rounded:
         return nothing
-    found = solved(first_mesh(section), modes)
+    found = solved(first_mesh(section, _MESH), modes)
     base = in_metres(found, section)
     total = np.zeros(modes + 2)
     for walls in (between, rounded):
@@ -89,7 +90,7 @@ def _moved(mesh: SectionMesh, section: LiquidSection) -> SectionMesh:
     One mesh for both leaves its error out of their difference.
     """
     if len(section.boundary) != len(mesh.section.boundary):
-        return first_mesh(section)
+        return first_mesh(section, _MESH)
     other = replace(mesh, section=section)
     points = mesh.mesh.p.copy()
     on = np.isfinite(mesh.place)
@@ -99,7 +100,7 @@ def _moved(mesh: SectionMesh, section: LiquidSection) -> SectionMesh:
         x, y = p[:, mesh.mesh.t]
         areas.append((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
     if np.any(areas[1] / areas[0] < _FOLDED):
-        return first_mesh(section)
+        return first_mesh(section, _MESH)
     return replace(other, mesh=replace(mesh.mesh, doflocs=points))
 
 

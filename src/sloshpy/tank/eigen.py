@@ -32,7 +32,7 @@ def modes_by_elements(section: LiquidSection, modes: int, wanted: int, tolerance
     Raises:
         OutsideValidity: the section cannot be meshed.
     """
-    mesh, before = first_mesh(section), None
+    mesh, before = first_mesh(section, tolerance), None
     error = change = np.full(modes, np.inf)
     fixed = np.inf
     while True:

@@ -17,6 +17,7 @@ _EDGES = 2.6  # edges along the square root of the section's area, at first
 _TURN = np.radians(35.0)  # most that a wall turns along one edge, at first
 _DEEP = 0.35
 _BULGE = 1e-3  # of an edge's length
+FINEST = 1e-6  # relative, the tolerance that corners are graded for where none is given
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +80,10 @@ class SectionMesh:
         return replace(self, mesh=replace(new, doflocs=points), place=place)
 
 
-def first_mesh(section: LiquidSection) -> SectionMesh:
+def first_mesh(section: LiquidSection, tolerance: float = FINEST) -> SectionMesh:
     """Return a coarse mesh of the section, finer at corners where the solution is not smooth.
+
+    tolerance: relative, what the corners may leave of frequency, mass and the rest.
 
     Raises:
         OutsideValidity: the section is too thin or too sharp for a mesh.
@@ -90,7 +93,7 @@ def first_mesh(section: LiquidSection) -> SectionMesh:
     for _ in range(30):
         made = _triangles(section, scale, place)
         if isinstance(made, SectionMesh):
-            return _graded(made)
+            return _graded(made, tolerance)
         place = np.unique(np.concatenate([place, made]))
         if len(place) > 4000:
             break
@@ -220,17 +223,17 @@ def _within(p: Array, edge: Array) -> BoolArray:
     return np.asarray(np.sum(level & (r > p[0]), axis=0) % 2 == 1)
 
 
-def _graded(mesh: SectionMesh) -> SectionMesh:
+def _graded(mesh: SectionMesh, tolerance: float) -> SectionMesh:
     """Return the mesh refined towards corners, as far as the solution's power of the distance there asks for."""
     parts = mesh.section.boundary
-    for k, (before, part) in enumerate(pairwise([parts[-1], *parts])):
-        for _ in range(_rounds(before, part)):
-            vertex = int(np.flatnonzero(mesh.place == k)[0])
-            mesh = mesh.refined(np.flatnonzero(np.any(mesh.mesh.t == vertex, axis=0)))
+    rounds = np.array([_rounds(before, part, tolerance) for before, part in pairwise([parts[-1], *parts])])
+    for done in range(int(np.max(rounds))):
+        vertices = np.flatnonzero(np.isin(mesh.place, np.flatnonzero(rounds > done)))
+        mesh = mesh.refined(np.flatnonzero(np.any(np.isin(mesh.mesh.t, vertices), axis=0)))
     return mesh
 
 
-def _rounds(before: Part, part: Part) -> int:
+def _rounds(before: Part, part: Part, tolerance: float) -> int:
     """Return how often to halve the triangles at the corner between two parts of the boundary.
 
     The solution has a part in d^(pi/angle) of the distance d. What it leaves is d^power at the corner itself, where
@@ -245,7 +248,7 @@ def _rounds(before: Part, part: Part) -> int:
     smooth = abs(power - round(power)) < 1e-3 and before.piece.straight and part.piece.straight
     if AXIS in kinds or smooth or power > 6.0:
         return 0
-    halvings = 7.0 / np.log10(2.0) / (power if SURFACE in kinds else 2.0 * power)
+    halvings = np.log2(10.0 / tolerance) / (power if SURFACE in kinds else 2.0 * power)
     if abs(angle - np.pi) < 0.2:  # hardly a corner: what it leaves is little
         halvings *= abs(angle - np.pi) / 0.2
     return int(np.clip(np.ceil(halvings) - 2, 0, 24))
