@@ -89,3 +89,66 @@ def test_errors_of_the_inertias_are_in_the_output():
     assert found.to_dict()["fixed_inertia_error"] == found.fixed_inertia_error
     assert f"(error {found.fixed_inertia_error:.0e})" in str(found)
     assert {"rigid_lid_error", "fixed_inertia_error"} <= {field.name for field in dataclasses.fields(found)}
+
+
+def even_heights(points, decimals=None):
+    z = np.linspace(0.0, 2.0, points)
+    r = np.sqrt(np.maximum(z * (2.0 - z), 0.0))
+    if decimals is not None:
+        z, r = np.round(z, decimals), np.round(r, decimals)
+    return {"kind": "contour", "z": z.tolist(), "r": r.tolist()}
+
+
+# shallow and nearly full, where few points are wetted or dry; rounded points, and tables at even heights
+@pytest.mark.parametrize("fill", [0.1, 1.9])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        even_heights(40),
+        even_heights(40, 5),
+        even_heights(60, 4),
+        even_heights(12),
+        ball(12, 3),
+        ball(60, 4),
+        ball(60, 5),
+    ],
+)
+def test_the_error_holds_for_every_mode_where_few_points_are_wetted(shape, fill):
+    found = slosh_masses(tank(shape, fill, modes=2))
+    exact = slosh_masses(tank(SPHERE, fill, modes=2))
+    true = [
+        np.abs(found.frequency / exact.frequency - 1.0),
+        np.abs(found.slosh_mass / exact.slosh_mass - 1.0),
+        np.abs(found.spring_height - exact.spring_height) / exact.section.radius,
+    ]
+    assert np.all(np.max(true, axis=0) <= found.error_estimate)
+    assert abs(found.rigid_lid_inertia / exact.rigid_lid_inertia - 1.0) <= found.rigid_lid_error
+
+
+def test_a_dome_crosses_the_axis_level():
+    wall = Contour(**{k: np.array(v) for k, v in even_heights(20).items() if k != "kind"}).outer
+    assert len(wall) == 1
+    for end in (0.0, 1.0):
+        assert wall[0].tangent(end)[1] == pytest.approx(0.0, abs=1e-12)
+    found, exact = (slosh_masses(tank(shape, 0.3)) for shape in (even_heights(40), SPHERE))
+    assert found.frequency[0] == pytest.approx(exact.frequency[0], rel=2e-4)
+
+
+def test_a_tip_stays_a_tip():
+    t = np.linspace(0.0, 1.0, 20)
+    wall = Contour(z=2.0 * np.sin(t), r=2.0 * (1.0 - np.cos(t))).outer  # its mirror image meets it upright
+    assert wall[0].tangent(0.0)[0] < 0.1 * wall[0].tangent(0.0)[1]
+
+
+def test_a_round_wall_of_few_points_is_asked_for_more():
+    few = slosh_masses(tank(even_heights(8), 1.0))
+    told = [reason for reason in few.reasons if "edge of 22 deg at r = 0.6999 m, z = 0.2857 m" in reason]
+    assert len(told) == 1
+    assert "give it more points there" in told[0]
+    assert not any("edge" in reason for reason in slosh_masses(tank(even_heights(12), 1.0)).reasons)
+    # a cone below a dome: a third point on it says that it is one
+    t = np.linspace(0.0, 0.5 * np.pi, 9)
+    for below, edges in (([0.0], 1), ([0.0, 0.5], 0)):
+        z, r = np.append(below, 1.0 + 0.5 * np.sin(t)), np.append(below, [*np.cos(t)[:-1], 0.0])
+        drawn = slosh_masses(tank({"kind": "contour", "z": z.tolist(), "r": r.tolist()}, 0.9))
+        assert sum("edge of 45 deg" in reason for reason in drawn.reasons) == edges

@@ -4,11 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from sloshpy.tank.pieces import Curve, Line, Piece, Polygon, curve_along, curve_through, polygon_through
+from sloshpy.tank.pieces import EDGE, Curve, Line, Piece, Polygon, curve_along, curve_through, polygon_through
 from sloshpy.units import Array, BoolArray, refusal
 
 MOST_POINTS = 5000
-_EDGE = np.radians(30.0)  # a wall that turns by more at one point has an edge there
 _GENTLE = np.radians(5.0)  # short lines that turn by less are one piece to the mesh
 _SHORT = 0.05  # of the wall's length
 _LEAST_RUN = 4  # segments: fewer make no curve, but straight lines with edges
@@ -179,7 +178,7 @@ def _roughly(r: Array, z: Array, straight: bool) -> tuple[Piece, ...]:
             kept.append(k)
     r, z = r[[*kept, len(r) - 1]], z[[*kept, len(z) - 1]]
     turn = _turn(r, z)
-    edges = np.flatnonzero(np.abs(turn) > _EDGE)
+    edges = np.flatnonzero(np.abs(turn) > EDGE)
     ends = [0, *(edges.tolist() if len(edges) <= _MOST_PIECES // 2 else []), len(r) - 1]
     pieces: list[Piece] = []
     for a, b in pairwise(ends):
@@ -210,7 +209,7 @@ def _turn(r: Array, z: Array) -> Array:
 
 def _apart(turn: float, lengths: Array) -> bool:
     """Return whether two neighbouring segments cannot be of one curve."""
-    return bool(abs(turn) > _EDGE or np.max(lengths) > _ALIKE * np.min(lengths))
+    return bool(abs(turn) > EDGE or np.max(lengths) > _ALIKE * np.min(lengths))
 
 
 def _bent(turn: Array, length: Array, r: Array, z: Array) -> BoolArray:

@@ -16,7 +16,9 @@ from sloshpy.tank.shapes import Contour, Wall
 from sloshpy.units import Array
 
 _DRAWS = 4  # of roundings, each to its full extent, which is 1.7 times the standard deviation of a rounding
-_CAUTION = 1.5  # spheres of 8 to 200 points, exact and rounded to 1e-3 and 1e-4 of the radius, ask for so much
+# spheres of 8 to 120 points, exact and rounded to 1e-3, 1e-4 and 1e-5 of the radius, 5 to 95 % deep, ask for so much
+_CAUTION = 3.0
+_OF_FIXED = 2.5  # times: what is left of differences
 _STEPS = tuple(unit * part for unit in (1.0, 0.0254, 0.3048) for part in (1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6))
 _HALF = 0.499  # of a step, so that no two heights change places
 _FOLDED = 0.3  # of a triangle's area: what must be left of it when the wall under it moves
@@ -53,9 +55,10 @@ def doubt_of(shape: Contour, section: LiquidSection, modes: int, wanted: int) ->
     """Return how far the results change from wall to wall, of those that the points of a contour allow.
 
     The modes are solved again, on one coarse mesh that moves with the wall: with a curve through half as many points;
-    with a curve where the points bend like one and scatter too much to be taken for it; and with the points moved by
-    half of their last digit up or down, four times. One and a half times the sum of the greatest change between points
-    and the greatest by rounding. Points that stand for straight lines are taken at their word.
+    with a curve that need not be level on the axis; with a curve where the points bend like one and scatter too much to
+    be taken for it; and with the points moved by half of their last digit up or down, four times. Three times the sum
+    of the greatest change between points and the greatest by rounding, 7.5 times for the fixed inertia, which is a
+    difference. Points that stand for straight lines are taken at their word.
     """
     nothing = Doubt(modes=np.zeros(modes), lid=0.0, fixed=0.0)
     between, rounded = list(_between(shape)), list(_rounded(shape))
@@ -67,7 +70,7 @@ def doubt_of(shape: Contour, section: LiquidSection, modes: int, wanted: int) ->
     for walls in (between, rounded):
         if walls:
             total += np.max([_changes(wall, found.mesh, base, modes, wanted) for wall in walls], axis=0)
-    total *= _CAUTION
+    total *= np.append(np.full(modes + 1, _CAUTION), _CAUTION * _OF_FIXED)
     return Doubt(modes=total[:modes], lid=float(total[modes]), fixed=float(total[modes + 1]))
 
 
@@ -112,6 +115,9 @@ def _between(shape: Contour) -> Iterator[Walls]:
     if any(isinstance(piece, Curve) for piece in (*outer, *inner)):
         fewer = [tuple(p.coarse if isinstance(p, Curve) else p for p in wall) for wall in (outer, inner)]
         yield Walls(outer=fewer[0], inner=fewer[1])
+    if any(isinstance(piece, Curve) and piece.free for piece in (*outer, *inner)):
+        free = [tuple((isinstance(p, Curve) and p.free) or p for p in wall) for wall in (outer, inner)]
+        yield Walls(outer=free[0], inner=free[1])
     curved = _curved(shape)
     if any(curved):
         yield Walls(outer=curved[0] or outer, inner=curved[1] or inner)

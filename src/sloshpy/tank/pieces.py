@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)  # exact to rounding for half an ellipse
 _ENDS = np.array([0.0, 1.0])
+EDGE = np.radians(30.0)  # a wall that turns by more at one point has an edge there
 
 
 class Piece(Protocol):
@@ -91,6 +92,7 @@ class Curve:
     spline: "CubicSpline | BSpline"
     knots: Array
     coarse: "Curve | Polygon"  # of half as many points, or straight: the difference tells what the points leave open
+    free: "Curve | None"  # the same without being level on the axis; None where it is not
 
     @property
     def straight(self) -> bool:
@@ -134,16 +136,35 @@ def polygon_through(points: Sequence[tuple[float, float]]) -> Polygon:
 
 
 def curve_through(points: Sequence[tuple[float, float]]) -> Curve:
-    """Return the curve through at least three points (r, z)."""
-    from scipy.interpolate import CubicSpline  # 0.3 s: only where a contour bends
-
+    """Return the curve through at least three points (r, z), level where it crosses the axis without an edge."""
     p, length = _over_length(points)
     fewer = np.unique(np.append(np.arange(0, len(p), 2), len(p) - 1))
     coarse: Curve | Polygon = Polygon(length=length, points=p)
     if len(fewer) > 3:
-        spline = CubicSpline(length[fewer], p[fewer], bc_type="not-a-knot")
-        coarse = Curve(spline=spline, knots=length[fewer], coarse=coarse)
-    return Curve(spline=CubicSpline(length, p, bc_type="not-a-knot"), knots=length, coarse=coarse)
+        coarse = _level(p[fewer], length[fewer], coarse)
+    return _level(p, length, coarse)
+
+
+def _level(p: Array, length: Array, coarse: "Curve | Polygon") -> Curve:
+    """Return the curve through points that goes on in its mirror image beyond the axis, where both meet gently."""
+    from scipy.interpolate import CubicSpline  # 0.3 s: only where a contour bends
+
+    free = CubicSpline(length, p, bc_type="not-a-knot")
+    plain = Curve(spline=free, knots=length, coarse=coarse, free=None)
+    slope = np.abs(free(_ENDS, 1))
+    below, above = (p[[0, -1], 0] == 0.0) & (slope[:, 1] < np.tan(0.5 * EDGE) * slope[:, 0])
+    if not (below or above):
+        return plain
+    mirrored = p * [-1.0, 1.0]
+    parts, places = [p], [length]
+    if below:
+        parts.insert(0, mirrored[:0:-1])
+        places.insert(0, -length[:0:-1])
+    if above:
+        parts.append(mirrored[-2::-1])
+        places.append(2.0 - length[-2::-1])
+    spline = CubicSpline(np.concatenate(places), np.concatenate(parts), bc_type="not-a-knot")
+    return Curve(spline=spline, knots=length, coarse=coarse, free=plain)
 
 
 def curve_along(points: Sequence[tuple[float, float]], intervals: int) -> Curve:
@@ -157,7 +178,7 @@ def curve_along(points: Sequence[tuple[float, float]], intervals: int) -> Curve:
     at = length[np.linspace(0, len(p) - 1, intervals + 1).astype(int)]
     knots = np.concatenate([[0.0], at[1:-1], [1.0]])
     spline = make_lsq_spline(length, p, np.concatenate([[0.0] * 3, knots, [1.0] * 3]), w=weight)
-    return Curve(spline=spline, knots=knots, coarse=Polygon(length=length, points=p))
+    return Curve(spline=spline, knots=knots, coarse=Polygon(length=length, points=p), free=None)
 
 
 def _over_length(points: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
