@@ -292,6 +292,15 @@ def _judge_loop(all_: _Findings, case: Case, found: Margins, poles: Poles, tanks
         k = int(np.argmin(other))
         mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
         all_.failed.append(f"{mode}: disc margin {least:.3f} at {where:.4f} Hz, needs {wanted:g}")
+    if found.stable and found.minima.value.size:
+        own = np.where(np.isinf(other), found.minima.value, np.inf)
+        k = int(np.argmin(own))
+        if own[k] < wanted:
+            mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
+            all_.told.append(
+                f"{mode}: disc margin {own[k]:.3f} at {where:.4f} Hz with the damping given, below {wanted:g}: "
+                "the limit cycle at degraded margins decides"
+            )
 
 
 def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:
