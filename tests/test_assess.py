@@ -14,6 +14,7 @@ from sloshpy.assess import assess
 from sloshpy.case import Criteria
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.errors import OutsideValidity
+from sloshpy.files import read_case, write_example
 from sloshpy.limit_cycle import limit_cycles
 from sloshpy.vehicle import SloshMass
 
@@ -195,3 +196,18 @@ def test_with_a_rate_gain_alone_the_attitude_is_neutral_and_that_fails():
 def test_a_loop_that_much_damping_makes_unstable_is_told_so():
     (reason,) = assess(paper_case(delay=1.0)).tanks[0].limit_cycle.reasons
     assert "stable with little damping" in reason
+
+
+def test_a_disc_margin_below_the_criterion_is_told_where_the_limit_cycle_passes(tmp_path):
+    found = assess(read_case(write_example("flexible_launcher", tmp_path)))
+    assert found.verdict == "pass"
+    least = np.min(found.margins.minima.value)
+    (told,) = [reason for reason in found.reasons if "with the damping given" in reason]
+    assert told.startswith(f"core LOX slosh: disc margin {least:.3f} at 0.4992 Hz")
+    assert "not margins" not in str(found)
+
+
+def test_slosh_beyond_half_the_radius_is_told_once(tmp_path):
+    found = assess(read_case(write_example("light_upper_stage", tmp_path)))
+    assert len([reason for reason in found.reasons if "RP-1" in reason and "radius" in reason]) == 1
+    assert "distances of a loop that is not stable from the critical point, not margins" in str(found)

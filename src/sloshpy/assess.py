@@ -286,21 +286,22 @@ def _judge_loop(all_: _Findings, case: Case, found: Margins, poles: Poles, tanks
             else "is not known: no pole of the loop is found near that of its approximation"
         )
         all_.failed.append(f"{name} mode {what}")
-    other = _other_minima(found, tanks)
-    least, wanted = float(np.min(other)), case.criteria.disc_margin
-    if least < wanted:
-        k = int(np.argmin(other))
-        mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
-        all_.failed.append(f"{mode}: disc margin {least:.3f} at {where:.4f} Hz, needs {wanted:g}")
-    if found.stable and found.minima.value.size:
-        own = np.where(np.isinf(other), found.minima.value, np.inf)
-        k = int(np.argmin(own))
-        if own[k] < wanted:
-            mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
-            all_.told.append(
-                f"{mode}: disc margin {own[k]:.3f} at {where:.4f} Hz with the damping given, below {wanted:g}: "
-                "the limit cycle at degraded margins decides"
-            )
+    other, wanted = _other_minima(found, tanks), case.criteria.disc_margin
+    if np.min(other) < wanted:
+        all_.failed.append(f"{_told_of(found, other)}, needs {wanted:g}")
+    slosh = np.where(np.isinf(other), found.minima.value, np.inf)
+    if found.stable and np.min(slosh, initial=np.inf) < wanted:
+        all_.told.append(
+            f"{_told_of(found, slosh)} with the damping given, below {wanted:g}: "
+            "the limit cycle at degraded margins decides"
+        )
+
+
+def _told_of(found: Margins, value: Array) -> str:
+    """Return the least of some values of the minima in words."""
+    k = int(np.argmin(value))
+    mode, where = found.groups[int(found.mode(found.minima)[k])], found.minima.omega[k] / (2.0 * np.pi)
+    return f"{mode}: disc margin {value[k]:.3f} at {where:.4f} Hz"
 
 
 def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:

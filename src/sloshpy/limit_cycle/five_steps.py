@@ -316,12 +316,13 @@ def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> lis
         cautions.append(
             "not checked: slosh amplitude against the tank radius, of which 10-15 % is valid (none is given)"
         )
-    elif mass.radius is not None and consistent > VALID_SHARE_OF_RADIUS * float(mass.radius):
-        share = 100 * consistent / float(mass.radius)
-        cautions.append(
-            f"caution: slosh of {consistent:.3f} m is {share:.0f} % of the tank radius; the spring-mass model is less "
-            "valid beyond 10-15 %"
-        )
+    elif mass.radius is not None:
+        share = consistent / float(mass.radius)
+        if VALID_SHARE_OF_RADIUS < share <= NO_MODEL_SHARE_OF_RADIUS:
+            cautions.append(
+                f"caution: slosh of {consistent:.3f} m is {100 * share:.0f} % of the tank radius; the spring-mass "
+                "model is less valid beyond 10-15 %"
+            )
     return cautions
 
 

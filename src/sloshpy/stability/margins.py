@@ -112,7 +112,8 @@ class Margins:
 
     def lines(self) -> list[str]:
         """Return the minima and crossings of one loop as lines of text, distant minima left out."""
-        lines = [] if self.stable else ["  distances of a loop that is not stable from the critical point, not margins:"]
+        unstable = "  distances of a loop that is not stable from the critical point, not margins:"
+        lines = [] if self.stable else [unstable]
         for name, points, unit in (
             ("disc margin", self.minima, ""),
             ("gain margin", self.phase_crossings, "dB"),
