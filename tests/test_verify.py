@@ -7,6 +7,7 @@ import pytest
 
 from cases import paper_case, xi
 from sloshpy.damping import TableDamping
+from sloshpy.files import read_case, write_example
 from sloshpy.simulation import verify
 from sloshpy.simulation import verify as verb
 from sloshpy.vehicle import SloshMass
@@ -59,3 +60,9 @@ def test_without_a_predicted_cycle_there_is_nothing_to_verify():
 def test_a_batch_is_refused():
     with pytest.raises(ValueError, match="one case"):
         verb(paper_case(vehicle={"mass": np.array([15000.0, 16000.0])}))
+
+
+def test_tanks_that_ask_for_one_degradation_are_simulated_once(tmp_path):
+    found = verify(read_case(write_example("two_tanks", tmp_path)))
+    assert [one.loop for one in found] == ["as given", "degraded by the margin of LOX and of LH2"]
+    assert all(one.difference < 2e-3 for one in found)

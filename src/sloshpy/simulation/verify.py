@@ -16,6 +16,7 @@ from sloshpy.units import Array
 if TYPE_CHECKING:
     import xarray as xr
 
+ALIKE = 1e-6  # relative and rad: two degradations that are one
 LONGEST = 2400.0  # s of simulation before a cycle is called unconverged
 START = 0.8  # of the predicted amplitude, so that the simulation has to find the cycle itself
 
@@ -24,8 +25,8 @@ START = 0.8  # of the predicted amplitude, so that the simulation has to find th
 class Verification:
     """One predicted limit cycle and what the simulation settled on.
 
-    loop: "as given" or "degraded by the margin of LOX". predicted: of all tanks coupled, by describing function; None
-    where no cycle can be predicted.
+    loop: "as given", or "degraded by the margin of LOX", of several tanks where they ask for the same degradation.
+    predicted: of all tanks coupled, by describing function; None where no cycle can be predicted.
     slosh: simulated amplitudes in m by tank, omega in rad/s, tvc in rad; nan where it did not settle.
     harmonics: rms of the engine motion that is not its fundamental, as a part of the whole.
     reason: "" or why there is no comparison.
@@ -88,38 +89,51 @@ def verify(case: Case) -> tuple[Verification, ...]:
     """
     single(case, "verify")
     found = [_simulated(case, "as given", cycle) for cycle in limit_cycles(case)]
+    for degraded, tanks in _degraded(case):
+        loop = f"degraded by the margin of {' and of '.join(tanks)}"
+        try:
+            cycles = limit_cycles(degraded)
+        except OutsideValidity as error:  # degraded so far that several modes grow
+            found.append(_blank(degraded, loop, None, f"not verified: {error}"))
+            continue
+        found += [_simulated(degraded, loop, cycle) for cycle in cycles]
+    return tuple(found)
+
+
+def _degraded(case: Case) -> list[tuple[Case, list[str]]]:
+    """Return the loops degraded for each tank, those of several tanks that are one loop once, and whose they are."""
+    by: list[tuple[float, float, list[str]]] = []
     for j, tank in enumerate(case.vehicle.tanks):
         predicted = predict_limit_cycle(case, j)
         if not predicted.band.size or np.isnan(predicted.degraded_growth):
             continue  # no degradation to simulate: none is needed, or it is a phase advance
-        autopilot = case.autopilot.degraded(predicted.gain, predicted.delay)
-        degraded = case.model_copy(update={"autopilot": autopilot})
-        try:
-            cycles = limit_cycles(degraded)
-        except OutsideValidity as error:  # degraded so far that several modes grow
-            blank = dict.fromkeys((t.name for t in case.vehicle.tanks), np.nan)
-            found.append(
-                Verification(
-                    case=degraded,
-                    loop=f"degraded by the margin of {tank.name}",
-                    predicted=None,
-                    slosh=blank,
-                    omega=np.nan,
-                    tvc=np.nan,
-                    harmonics=np.nan,
-                    reason=f"not verified: {error}",
-                )
-            )
-            continue
-        found += [_simulated(degraded, f"degraded by the margin of {tank.name}", cycle) for cycle in cycles]
-    return tuple(found)
+        for gain, delay, names in by:
+            if abs(predicted.gain / gain - 1.0) < ALIKE and abs(predicted.delay - delay) * predicted.omega < ALIKE:
+                names.append(tank.name)
+                break
+        else:
+            by.append((predicted.gain, predicted.delay, [tank.name]))
+    return [
+        (case.model_copy(update={"autopilot": case.autopilot.degraded(gain, delay)}), names)
+        for gain, delay, names in by
+    ]
+
+
+def _blank(case: Case, loop: str, predicted: Cycle | None, reason: str = "") -> Verification:
+    return Verification(
+        case=case,
+        loop=loop,
+        predicted=predicted,
+        slosh=dict.fromkeys((t.name for t in case.vehicle.tanks), np.nan),
+        omega=np.nan,
+        tvc=np.nan,
+        harmonics=np.nan,
+        reason=reason,
+    )
 
 
 def _simulated(case: Case, loop: str, cycle: Cycle) -> Verification:
-    nothing = dict.fromkeys(cycle.slosh_amplitude, np.nan)
-    blank = Verification(
-        case=case, loop=loop, predicted=cycle, slosh=nothing, omega=np.nan, tvc=np.nan, harmonics=np.nan, reason=""
-    )
+    blank = _blank(case, loop, cycle)
     if not cycle.stable:
         return replace(blank, reason="not simulated: an unstable cycle repels")
     start = START * np.array(list(cycle.slosh_amplitude.values()))
