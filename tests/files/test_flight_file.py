@@ -170,6 +170,13 @@ time = "t"
     (folder / "flight.toml").write_text(text)
     phase = read_flight(folder / "flight.toml").phases[0]
     assert phase.fill[:, 0] == pytest.approx([0.6, 0.55, 0.5, 0.45, 0.4])
+    assert not any("density" in note for note in phase.notes)
+    (folder / "lox.toml").write_text((folder / "lox.toml").read_text().replace("1141 kg/m^3", "50 kg/m^3"))
+    doubted = read_flight(folder / "flight.toml").phases[0].notes
+    assert [note[:59] for note in doubted if "density" in note] == [
+        "LOX, at 0 s and at 4 more times: caution: a density of 50 k"
+    ]
+    (folder / "lox.toml").write_text(TANK)
     tank = read_tank(folder / "lox.toml")
     for k in (0, 3):
         fields = {name: getattr(tank, name) for name in type(tank).model_fields}

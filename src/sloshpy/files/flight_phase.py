@@ -74,6 +74,9 @@ def build_phase(
         fill[:, j] = tank.fraction
         laws[j], told = _own_laws(case, j, tank)
         notes += [f"{case.vehicle.tanks[j].name}: {one}" for one in told]
+        for first, count, why in tank.doubts:
+            more = f" and at {count - 1} more times" if count > 1 else ""
+            notes.append(f"{case.vehicle.tanks[j].name}, at {declared.time[first]:g} s{more}: {why}")
     free = frozenset({int(s[2]) for s in columns.values if s[:2] == ("vehicle", "tanks") and s[-1] == "frequency"})
     moving, scaled = frequencies_follow(with_schedules(moving, values), case, free | frozenset(columns.fills))
     if scaled:

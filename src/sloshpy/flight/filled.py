@@ -1,5 +1,6 @@
 """Slosh masses and damping of a draining tank along a phase, from its shape."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ class Filled:
     """The first slosh mass of a tank along a phase, (T,) each; SI.
 
     laws: damping by the tank's own formulas, () where it gives none. sources: what the laws rest on, at the first time.
+    doubts: what to know before the masses are used, each kind with the first time that it is about and at how many.
     missing: the first time without a slosh mass and why, None where there is one at every time.
     """
 
@@ -24,6 +26,7 @@ class Filled:
     fraction: Array
     laws: tuple[AnyDamping, ...]
     sources: tuple[str, ...]
+    doubts: tuple[tuple[int, int, str], ...]
     missing: tuple[int, str] | None
 
 
@@ -58,5 +61,15 @@ def filled(tank: Tank, fill: tuple[str | float | Fill, ...], acceleration: Array
         fraction=course.fraction,
         laws=tuple(one.law for one in dampings if one is not None) if whole else (),
         sources=why if first is None else first.sources,
+        doubts=_doubts([() if row is None else row.reasons for row in course.rows]),
         missing=missing,
     )
+
+
+def _doubts(reasons: list[tuple[str, ...]]) -> tuple[tuple[int, int, str], ...]:
+    """Return each kind of reason, its numbers apart, by the first row that has it and the count of rows."""
+    kinds: dict[str, list[tuple[int, str]]] = {}
+    for k, row in enumerate(reasons):
+        for reason in row:
+            kinds.setdefault(re.sub(r"\d[\d.e+-]*", "", reason), []).append((k, reason))
+    return tuple((found[0][0], len(found), found[0][1]) for found in kinds.values())
