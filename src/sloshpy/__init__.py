@@ -118,16 +118,6 @@ _ROOMS = {
         "Samples",
         "Noise",
     ),
-    "dispersion": (
-        "Dispersion",
-        "run_campaign",
-        "read_campaign",
-        "rerun",
-        "findings",
-        "against_time",
-        "write_campaign",
-        "Cluster",
-    ),
     "assess": ("assess", "Assessment"),
     "flight": (
         "Phase",
@@ -139,6 +129,16 @@ _ROOMS = {
         "growth_along",
         "simulate_flight",
         "check_growth",
+    ),
+    "dispersion": (
+        "Dispersion",
+        "run_campaign",
+        "read_campaign",
+        "rerun",
+        "findings",
+        "against_time",
+        "write_campaign",
+        "Cluster",
     ),
     "plots": (
         "plot_against_time",
