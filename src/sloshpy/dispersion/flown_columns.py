@@ -70,3 +70,17 @@ def _moments(dispersion: Dispersion, engine: Column) -> list[Column]:
             found += [replace(c, name=f"{c.name}[{k}]", moment=k, meaning=meaning) for c in (*own, engine)]
             k += 1
     return found
+
+
+def flown_notes(dispersion: Dispersion) -> list[str]:
+    """Return what a reader of a campaign of simulated flights has to know."""
+    begins = ", ".join(f"{run[0].time[0]:g} s" for run in dispersion.stretches)
+    notes = [
+        f"each draw is one flight, simulated from {begins} on, each time from its initial slosh, all else at rest; "
+        "peaks hold that slosh and what it and the gust ask of the engine"
+    ]
+    notes += [str(event) for event in dispersion.events if not event.carries]
+    bare = [tank for tank in flown_tanks(dispersion) if not with_radius(dispersion, tank)]
+    if bare:
+        notes.append(f"not checked: slosh of {', '.join(bare)} against the tank radius, of which 10-15 % is valid")
+    return notes
