@@ -17,14 +17,13 @@ from sloshpy.dispersion.cluster import Cluster, computed_there
 from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.dispersion import Dispersion, Linear, drawn, moments_of
 from sloshpy.dispersion.environment import environment
-from sloshpy.dispersion.gust_time import gust_fault
+from sloshpy.dispersion.flown_faults import flown_fault
 from sloshpy.dispersion.rows import Column, Rows, Status
 from sloshpy.dispersion.store import HEADER, Layout, Store, open_store, read_header, sealed
 from sloshpy.dispersion.streams import MOST_CASES
 from sloshpy.dispersion.varied import find_input, stands_in
 from sloshpy.dispersion.workers import computed
 from sloshpy.errors import InputError, Problem
-from sloshpy.flight.equations import Equations
 from sloshpy.units import Array, BoolArray
 
 BLOCK = 1000  # cases
@@ -245,15 +244,9 @@ def _check_flown(dispersion: Dispersion) -> None:
     if moments_of(dispersion.phases) != dispersion.flight:
         cure = "give phases, and flight=moments_of(phases)"
         raise InputError(_refused("flight", "", "has no phases that a simulation could go along", cure))
-    fault = gust_fault(dispersion.phases, dispersion.analysis, dispersion.parameters)
-    if fault:
-        raise InputError(_refused("gust_start", "", *fault))
-    for phase in dispersion.phases:
-        try:
-            Equations.of(phase)
-        except ValueError as error:
-            rule = f"cannot be simulated along {phase.name}: {error}"
-            raise InputError(_refused("nonlinear", "", rule, "change that, or ask [linear] of the flight")) from None
+    fault = flown_fault(dispersion)
+    if fault is not None:
+        raise InputError(_refused(fault[0] or "nonlinear", "", *fault[1:]))
 
 
 def _gathered(dispersion: Dispersion, seed: int, layout: Layout, read: Callable[[int], Rows | None]) -> Campaign:

@@ -11,7 +11,7 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Nonlinear, Parameter, moments_of
 from sloshpy.dispersion.distribution import Distribution, Triangular, TruncatedNormal, Uniform
-from sloshpy.dispersion.gust_time import gust_fault
+from sloshpy.dispersion.flown_faults import flown_fault
 from sloshpy.dispersion.varied import RUN, find_input, nominal, stands_in
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.case_file import read_case
@@ -75,14 +75,11 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
     cases = tuple(moment.case for moment in flight) or ((case,) if case is not None else ())
     parameters = _parameters(page, cases, analysis)
     _check_gust(page, cases, analysis, parameters)
-    fault = gust_fault(phases, analysis, tuple(parameters.values()))
-    if fault:
-        page.refuse(("nonlinear", "gust_start"), *fault)
     correlations = _correlations(page, parameters)
     found = once(page.found)
     if found or case is None or name is None or coverage is None or confidence is None:
         raise InputError(*in_file_order(found, file, places))
-    return Dispersion(
+    read = Dispersion(
         name=name,
         case=case,
         parameters=tuple(parameters.values()),
@@ -95,6 +92,11 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
         flight=flight,
         phases=() if isinstance(analysis, Linear) else phases,
     )
+    fault = flown_fault(read)
+    if fault is not None:
+        page.refuse(("nonlinear", fault[0]) if fault[0] in page.document["nonlinear"] else ("nonlinear",), *fault[1:])
+        raise InputError(*in_file_order(page.found, file, places))
+    return read
 
 
 class _Page:
@@ -216,7 +218,8 @@ def _flight(page: _Page, folder: FilePath) -> tuple[tuple[Phase, ...], str]:
     path: Path = ("flight",)
     if "case" in page.document:
         page.refuse(("case",), "stands beside flight", "leave it out")
-    if "duration" in page.document.get("nonlinear", {}):
+    run = page.document.get("nonlinear")
+    if isinstance(run, dict) and "duration" in run:
         page.refuse(("nonlinear", "duration"), "is asked of one case; a flight lasts from start to end", "leave it out")
     name = page.text(path, None)
     try:

@@ -1,20 +1,46 @@
-"""When the gust of a simulated flight can blow, and when there is air for it."""
+"""What no draw of a flight could be simulated with: told once, not by every flight that fails."""
 
-from sloshpy.dispersion.dispersion import Linear, Nonlinear, Parameter
+import itertools
+
+import numpy as np
+
+from sloshpy.dispersion.dispersion import Dispersion, Nonlinear, Parameter
+from sloshpy.flight.equations import Equations
 from sloshpy.flight.events import INSTANT
+from sloshpy.flight.switched import switched
 from sloshpy.flight.trajectory import Phase
+
+Fault = tuple[str, str, str]  # key of the analysis, "" for all of it; rule; cure
+
+
+def flown_fault(dispersion: Dispersion) -> Fault | None:
+    """Return why a flight cannot be simulated as it is asked; None where it can."""
+    how = dispersion.analysis
+    if not dispersion.phases or not isinstance(how, Nonlinear):
+        return None
+    found = gust_fault(dispersion.phases, how, dispersion.parameters)
+    if found is not None:
+        return ("gust_start", *found)
+    for stretch in dispersion.stretches:
+        try:
+            each = [Equations.of(phase) for phase in stretch]
+            for one, two in itertools.pairwise(each):  # at rest, for what it refuses
+                time = one.phase.time[-2:]
+                switched((one.phase, two.phase), [(time, np.zeros((2, one.models[0].size)))])
+        except ValueError as error:
+            where = f"the flight cannot be simulated from {stretch[0].time[0]:g} s on"
+            return "", f"{where}: {error}", "change that, or ask [linear] of the flight"
+    return None
 
 
 def gust_fault(
-    phases: tuple[Phase, ...], analysis: Linear | Nonlinear, parameters: tuple[Parameter, ...]
+    phases: tuple[Phase, ...], analysis: Nonlinear, parameters: tuple[Parameter, ...]
 ) -> tuple[str, str] | None:
     """Return rule and cure where a gust can blow, wholly or in part, outside the air of a flight; None where it cannot.
 
     What a gust gives that is cut off by an event, or begins before the simulation does, is no answer to a gust.
     """
     varied = {p.input: p for p in parameters}
-    if not phases or not isinstance(analysis, Nonlinear):
-        return None
     if analysis.gust_speed == 0.0 and "run.gust_speed" not in varied:
         return None
     ends = []
