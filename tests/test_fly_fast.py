@@ -19,6 +19,7 @@ from sloshpy.vehicle import SloshMass, Vehicle
 
 ENDS = PowerDamping(slope=0.01, largest_amplitude=0.2)
 FILTERED = {"late": (0.03, 0.05), "actuator": LIMITED}
+FELT = {"vehicle": {"accelerometer_station": 8.0}, "accelerometer_gain": 2e-3, "actuator": LIMITED}
 SWITCHED = (burn(filter=(SOFT,), **FILTERED), burn(12.0, 24.0, name="on", filter=(WIDE, SOFT), **FILTERED))
 FLIGHTS = {
     "square law": burn(),
@@ -29,8 +30,10 @@ FLIGHTS = {
     ),
     "sum with a table": burn(law=MIXED),
     "another law at each time": with_laws(burn(count=4), (MIXED, PowerDamping(slope=0.1), TABLE, MIXED)),
-    "accelerometer": burn(
-        vehicle={"accelerometer_station": 8.0}, accelerometer_gain=2e-3, actuator=LIMITED, late=(0.03, 0.03)
+    "accelerometer": burn(late=(0.03, 0.03), **FELT),
+    "accelerometer across an event": (
+        burn(name="before", late=(0.03, 0.03), **FELT),
+        burn(12.0, 24.0, name="on", late=(0.05, 0.05), **FELT),
     ),
     "other filters from an event on": SWITCHED,
     "an event that changes the delay": (burn(late=(0.02, 0.02)), burn(12.0, 24.0, name="on", late=(0.1, 0.15))),
@@ -172,11 +175,12 @@ def test_the_greatest_about_each_time_is_that_of_its_own_window():
     phase = burn(0.0, 8.0, 5)
     time = np.arange(0.0, 8.01, 0.01)
     course = Course.of(time, -time)
-    assert course.about(phase) == pytest.approx([1.0, 3.0, 5.0, 7.0, 8.0], abs=0.011)
+    assert course.about(phase) == pytest.approx([1.0, 3.0, 5.0, 7.0, 8.0], rel=1e-12)
+    assert Course.of(time, 8.0 - time).about(phase) == pytest.approx([8.0, 7.0, 5.0, 3.0, 1.0], rel=1e-12)
     half = Course.of(time[:451], time[:451])  # ends within the third window
     assert np.isnan(half.about(phase)).tolist() == [False, False, True, True, True]
     coarse = Course.of(np.array([0.0, 8.0]), np.array([0.0, 8.0]))  # no step in the inner windows
-    assert coarse.about(phase) == pytest.approx([0.0, 2.0, 4.0, 6.0, 8.0])
+    assert coarse.about(phase) == pytest.approx([1.0, 3.0, 5.0, 7.0, 8.0], rel=1e-12)
 
 
 def test_stretches_part_where_nothing_is_carried():

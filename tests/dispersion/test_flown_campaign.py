@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from uncertain import factor
+from uncertain import factor, stage
 
-from flying import AIR, SECOND, burn
+from flying import AIR, LIMITED, SECOND, SOFT, WIDE, burn
 from sloshpy.cli import main
 from sloshpy.damping import PowerDamping
 from sloshpy.dispersion import (
@@ -19,11 +19,13 @@ from sloshpy.dispersion import (
     against_time,
     campaign_dataset,
     findings,
+    fly_case,
     moments_of,
     read_campaign,
     rerun,
     run_campaign,
 )
+from sloshpy.dispersion.flown import drawn_flight
 from sloshpy.dispersion.rows import Status
 from sloshpy.errors import InputError
 from sloshpy.files import read_dispersion, write_example
@@ -33,6 +35,7 @@ from sloshpy.report import write_campaign_figures
 from sloshpy.simulation import OneMinusCosine
 
 LOX = {"radius": 2.5}
+LAGS = (SOFT, WIDE)
 
 
 LAW = PowerDamping(slope=0.1)
@@ -203,6 +206,16 @@ def test_a_draw_that_makes_no_vehicle_fails_alone():
     assert all(done.reasons[k] for k in lost)
 
 
+def test_the_history_of_a_case_is_at_hand(campaign):
+    early, upper = fly_case(campaign.dispersion, 3, 7)
+    engine = max(np.max(np.abs(h.tvc)) for h in (early, upper))
+    assert engine == pytest.approx(campaign.column("engine_peak")[7], rel=2e-3)
+    assert upper.phases[0].name == "upper"
+    assert (early.time[0], early.time[-1], upper.time[-1]) == (0.0, 16.0, 24.0)
+    with pytest.raises(InputError, match="asked of a flight that is simulated"):
+        fly_case(stage(), 3, 7)
+
+
 def test_criteria_and_verdict_are_those_of_the_numbers(campaign):
     limits = {c.name: c.limit for c in campaign.columns if c.limit is not None}
     assert limits == {"slosh_radius.LOX": 0.15, "slosh_radius.RP": 0.15, "engine_peak": np.pi / 360.0, "verdict": 1}
@@ -247,6 +260,13 @@ def test_what_cannot_be_flown_is_refused():
         run_campaign(replace(d, phases=()), 5, 1)
     with pytest.raises(InputError, match="from 0 s on: a flight is not simulated with a sampler"):
         run_campaign(flight(ascent(sample_time=0.02, delay=0.02), CALM, USUAL), 5, 1)
+    felt = {"accelerometer_gain": 2e-3, "actuator": LIMITED}
+    station = {"accelerometer_station": 8.0}
+    switch = [
+        burn(8.0 * k, 8.0 * k + 8.0, name=str(k), vehicle=station, filter=(f,), **felt) for k, f in enumerate(LAGS)
+    ]
+    with pytest.raises(InputError, match="other filters begin where an accelerometer is fed back"):
+        run_campaign(flight(tuple(switch), CALM, USUAL[:2]), 5, 1)
     late = Parameter(input="run.gust_start", distribution=Uniform(low=1.0, high=12.5), factor=False)
     with pytest.raises(InputError, match=r"blow from 1 to 17.5 s .* there from 0 to 16 s"):
         run_campaign(flight(parameters=(*USUAL, late)), 5, 1)
@@ -334,3 +354,25 @@ def test_a_sampled_flight_is_refused_by_its_file(files):
     stage.write_text(stage.read_text().replace("[autopilot]", '[autopilot]\nsample_time = "20 ms"'))
     with pytest.raises(InputError, match=r"dispersed.toml:3: nonlinear.*not simulated with a sampler"):
         read_dispersion(files)
+
+
+def test_the_shipped_ascent_flies(tmp_path):
+    write_example("two_stage_ascent", tmp_path)
+    d = read_dispersion(write_example("two_stage_ascent_flown", tmp_path))
+    assert [[p.name for p in run] for run in d.stretches] == [
+        ["first stage, soft filter", "first stage, wide filter"],
+        ["second stage"],
+    ]
+    done = run_campaign(d, 2, 1)
+    assert np.all(done.status == Status.OK)
+    for k in range(2):
+        for history in fly_case(d, 1, k):
+            assert not history.stopped
+        drawn = drawn_flight(d, done.draws()[k])
+        plain = simulate_flight(drawn.phases[2], np.full(2, drawn.run["initial_slosh"]), end=175.0)
+        fast = fly_fast(drawn.phases[2], np.full(2, drawn.run["initial_slosh"]))  # of the undispersed damping
+        early = np.interp(plain.time, fast.time, fast.tvc)
+        assert np.max(np.abs(plain.tvc - early)[:-1]) < 1e-11
+    slosh = done.draws()[:, d.inputs.index("run.initial_slosh")] * 0.1
+    assert done.column("slosh_peak.LOX[0]") == pytest.approx(slosh, rel=1e-12)
+    assert done.column("slosh_radius.upper RP-1") == pytest.approx(done.column("slosh_peak.upper RP-1") / 1.2, rel=1e-9)

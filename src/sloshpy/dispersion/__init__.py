@@ -16,6 +16,7 @@ from sloshpy.dispersion.dispersion import (
 from sloshpy.dispersion.distribution import Triangular, TruncatedNormal, Uniform
 from sloshpy.dispersion.export import campaign_dataset, write_campaign
 from sloshpy.dispersion.findings import Findings, findings
+from sloshpy.dispersion.flown import fly_case
 
 __all__ = [
     "AgainstTime",
@@ -35,6 +36,7 @@ __all__ = [
     "campaign_dataset",
     "drawn",
     "findings",
+    "fly_case",
     "moments_of",
     "read_campaign",
     "rerun",

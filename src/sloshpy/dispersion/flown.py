@@ -4,12 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sloshpy.dispersion.dispersion import Dispersion, Nonlinear
+from sloshpy.dispersion.dispersion import Dispersion, Nonlinear, drawn
 from sloshpy.dispersion.flown_columns import flown_columns, radii, with_radius
+from sloshpy.dispersion.flown_faults import flown_fault
 from sloshpy.dispersion.reasons import reason_of
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
 from sloshpy.dispersion.varied import RUN, stands_in, varied_once
 from sloshpy.dispersion.verdict import verdicts
+from sloshpy.errors import InputError, Problem
 from sloshpy.flight.flight_history import FlightHistory
 from sloshpy.flight.fly_fast import fly_fast
 from sloshpy.flight.peaks import Course
@@ -59,13 +61,29 @@ def flown(dispersion: Dispersion, draws: Array, first: int) -> Rows:
     return joined([_flown(dispersion, draw, first + k) for k, draw in enumerate(draws)])
 
 
+def fly_case(dispersion: Dispersion, seed: int, case: int) -> list[FlightHistory]:
+    """Return the time histories of one case of a campaign along a flight, by its number.
+
+    One for each stretch into which nothing is carried, up to the first that ends early. Their phases are as drawn; the
+    factors of the damping are not in their laws.
+
+    Raises:
+        InputError: the flight cannot be simulated as it is asked.
+    """
+    fault = flown_fault(dispersion)
+    if fault is not None or not dispersion.phases:
+        rule, cure = fault[1:] if fault else ("is asked of a flight that is simulated", "ask [nonlinear] of a flight")
+        raise InputError(Problem(key="fly_case", value=str(case), rule=rule, cure=cure))
+    return fly(dispersion, drawn(dispersion, seed, case, 1)[0])
+
+
 def fly(dispersion: Dispersion, draw: Array) -> list[FlightHistory]:
     """Return the histories of a draw's stretches, up to the first that ends early."""
-    drawn, histories, at = drawn_flight(dispersion, draw), list[FlightHistory](), 0
+    whole, histories, at = drawn_flight(dispersion, draw), list[FlightHistory](), 0
     for stretch in dispersion.stretches:
-        own = drawn.phases[at : at + len(stretch)]
-        slosh = np.full(len(own[0].tanks), drawn.run["initial_slosh"])
-        histories.append(fly_fast(own, slosh, drawn.gust, drawn.factors[at]))
+        own = whole.phases[at : at + len(stretch)]
+        slosh = np.full(len(own[0].tanks), whole.run["initial_slosh"])
+        histories.append(fly_fast(own, slosh, whole.gust, whole.factors[at]))
         at += len(stretch)
         if histories[-1].stopped:
             break

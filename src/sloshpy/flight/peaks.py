@@ -42,11 +42,11 @@ class Course:
         """
         t = phase.time
         found, edges = np.full(len(t), np.nan), 0.5 * (t[:-1] + t[1:])
-        reached = t[t <= self.time[-1]]  # a time between two steps has a value too
-        more = np.interp(reached, self.time, self.value)
-        time, size = np.concatenate([self.time, reached]), np.abs(np.concatenate([self.value, more]))
-        inside = (time >= t[0]) & (time <= t[-1])
-        np.fmax.at(found, np.searchsorted(edges, time[inside], side="right"), size[inside])
+        inside = (self.time >= t[0]) & (self.time <= t[-1])
+        np.fmax.at(found, np.searchsorted(edges, self.time[inside], side="right"), np.abs(self.value[inside]))
+        # at both ends of each stretch too, and at its time: a step may be longer, or the signal rise there
+        ends, middle = (np.abs(np.interp(at, self.time, self.value)) for at in (edges, t))
+        found = np.fmax(np.fmax(found, middle), np.fmax(np.append(ends, middle[-1]), np.append(middle[0], ends)))
         return np.where(np.append(edges, t[-1]) <= self.time[-1], found, np.nan)
 
     def amplitude(self, period: float) -> float:
