@@ -19,6 +19,7 @@ from sloshpy.units import Array, IntArray
 NUDGE = 1e-3  # of a step, over which the slope of the command is taken
 DIVERGED, BEYOND = 1, 2  # how a trajectory ends early: beyond every bound, or beyond its damping data
 
+# numba's cache looks at the date of this file alone: whoever changes `actuator_motion` touches this file too
 _motion = numba.njit(cache=True, error_model="numpy")(actuator_motion)
 
 
