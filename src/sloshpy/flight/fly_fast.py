@@ -122,7 +122,7 @@ def tables_of(equations: Equations) -> "Tables":
         by_input=np.stack([np.ascontiguousarray(m.by_input.T) for m in each]),
         command=np.stack([m.command for m in each]),
         engine=np.stack([m.engine for m in each]),
-        limits=each[0].limits,
+        limits=np.stack([m.limits for m in each]),
     )
 
 

@@ -28,7 +28,8 @@ class Tables(NamedTuple):
 
     time, delay: (T,), s; delay 0 everywhere where there is no line. loss: (T-1, n), d ln m / dt, 1/s. by_state:
     (T, N, N), x' on x, transposed. by_input: (T, 2 + n, N), on command (or the engine's acceleration), wind and damping
-    accelerations. command: (T, N + 1 + n), engine: (T, N + 1), as in `Matrices`. limits: of an engine that has some.
+    accelerations. command: (T, N + 1 + n), engine: (T, N + 1), as in `Matrices`. limits: (T, 5), likewise, (T, 0) of an
+    engine without.
     """
 
     time: Array
@@ -112,9 +113,10 @@ def march_varying(
         at[:] = x + h * k3
         _slope(k4, at, end, k, out, late, _wind(gust, end), tables, laws, first_velocity, force)
         x += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-        if len(tables.limits) > 0:  # the engine at its stop and at its fastest
-            x[N - 2] = min(max(x[N - 2], -tables.limits[2]), tables.limits[2])
-            x[N - 1] = min(max(x[N - 1], -tables.limits[3]), tables.limits[3])
+        if tables.limits.shape[1] > 0:  # the engine at its stop and at its fastest
+            stop, fastest = tables.limits[k, 2], tables.limits[k, 3]
+            x[N - 2] = min(max(x[N - 2], -stop), stop)
+            x[N - 1] = min(max(x[N - 1], -fastest), fastest)
         for r in range(N):
             if not abs(x[r]) < far:
                 return i + 1, _fate(x)
@@ -240,7 +242,7 @@ def _slope(
 ) -> None:
     """Put in x' at a time; `delayed` is what comes out of the line in rad, where there is one."""
     k = _interval(tables.time, k, t)
-    part, N, limits = _part(tables.time, k, t), len(x), tables.limits
+    part, N, limited = _part(tables.time, k, t), len(x), tables.limits.shape[1] > 0
     found[:] = 0.0
     rate, acceleration = 0.0, 0.0
     for e in range(2):
@@ -248,8 +250,9 @@ def _slope(
         command = _at_one(x, k + e, wind, tables, laws, first_velocity, force)
         if late:
             command = delayed
-        if len(limits) > 0:
-            fast, command = _motion(x[N - 2], x[N - 1], command, limits[0], limits[1], limits[2], limits[3], limits[4])
+        if limited:
+            w, xi, stop, fastest, band = tables.limits[k + e]
+            fast, command = _motion(x[N - 2], x[N - 1], command, w, xi, stop, fastest, band)
             rate += share * fast
             acceleration += share * command
         for c in range(N):
@@ -260,7 +263,7 @@ def _slope(
             y, row = share * (command if c == 0 else wind if c == 1 else force[c - 2]), tables.by_input[k + e, c]
             for r in range(N):
                 found[r] += row[r] * y
-    if len(limits) > 0:
+    if limited:
         found[N - 2], found[N - 1] = rate, acceleration
     for j in range(len(force)):
         found[first_velocity + j] -= tables.loss[k, j] * x[first_velocity + j]
