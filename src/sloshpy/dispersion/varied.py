@@ -279,7 +279,8 @@ def _with_lags(pilot: Autopilot, changes: list[tuple[Input, Callable[[Real], Rea
             if found.quantity is _SCALE:
                 own |= _scaled(actuator, float(np.squeeze(change(1.0))))
             else:
-                own[found.field] = float(np.squeeze(change(own[found.field])))
+                drawn = np.squeeze(change(own[found.field]))
+                own[found.field] = drawn if drawn.ndim else float(drawn)
             actuator = Actuator(**own)
     return Autopilot(**(given | {"filter": tuple(filters), "actuator": actuator}))
 
