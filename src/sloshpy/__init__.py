@@ -19,8 +19,9 @@ The public names, in reading order; each is loaded when it is first used.
     time         simulate, simulate_ensemble, simulate_two_axes, settled_envelope, verify, forced_response;
                  disturbances: Step, Pulse, OneMinusCosine, Samples, Noise
     flight       read_flight, assess_flight, damping_requirement, write_requirement, write_flight_figures,
-                 write_flight_report, growth_along, growth_across, simulate_flight, check_growth; Phase, Trajectory
-    dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, against_time,
+                 write_flight_report, growth_along, growth_across, simulate_flight, fly_fast, check_growth; Phase,
+                 Trajectory
+    dispersions  read_dispersion, Dispersion, run_campaign, read_campaign, rerun, findings, against_time, fly_case,
                  write_campaign, plot_against_time, write_campaign_figures; Cluster
     review       assess, plot_bode and the other plots, write_report, write_figures
     batches      for_each: any verb that answers for one case, asked of each of a batch; Answers
@@ -118,16 +119,6 @@ _ROOMS = {
         "Samples",
         "Noise",
     ),
-    "dispersion": (
-        "Dispersion",
-        "run_campaign",
-        "read_campaign",
-        "rerun",
-        "findings",
-        "against_time",
-        "write_campaign",
-        "Cluster",
-    ),
     "assess": ("assess", "Assessment"),
     "flight": (
         "Phase",
@@ -138,7 +129,19 @@ _ROOMS = {
         "growth_across",
         "growth_along",
         "simulate_flight",
+        "fly_fast",
         "check_growth",
+    ),
+    "dispersion": (
+        "Dispersion",
+        "run_campaign",
+        "read_campaign",
+        "rerun",
+        "findings",
+        "against_time",
+        "fly_case",
+        "write_campaign",
+        "Cluster",
     ),
     "plots": (
         "plot_against_time",

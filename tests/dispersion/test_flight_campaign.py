@@ -10,7 +10,7 @@ from uncertain import factor, stage
 from cases import paper_case
 from sloshpy.cli import main
 from sloshpy.damping import PowerDamping
-from sloshpy.dispersion import Linear, Moment, Nonlinear, against_time, campaign_dataset, findings, run_campaign
+from sloshpy.dispersion import Linear, Moment, against_time, campaign_dataset, findings, run_campaign
 from sloshpy.dispersion.rows import Status
 from sloshpy.errors import InputError
 from sloshpy.files import read_dispersion, write_example
@@ -165,7 +165,6 @@ def test_a_file_that_names_a_flight_assesses_every_time(files, capsys):
     ("old", "new", "told"),
     [
         ('flight = "short.toml"', 'flight = "short.toml"\ncase = "stage.toml"', "stands beside flight"),
-        ('[linear]\namplitude = "0.5 m"\nrequired_damping = false', "[nonlinear]", "is asked of one case"),
         ('flight = "short.toml"', 'flight = "none.toml"', "none.toml"),
         ('"vehicle.mass"', '"tank.none.frequency"', "names no tank"),
         ("low = 0.98", 'as = "absolute"\nlow = "1 kg"', "changes along the flight"),
@@ -179,8 +178,3 @@ def test_faults_of_a_dispersed_flight_are_told(files, old, new, told):
     files.write_text(text.replace("high = 1.02", 'high = "3e4 kg"') if "absolute" in new else text)
     with pytest.raises(InputError, match=told):
         read_dispersion(files)
-
-
-def test_a_nonlinear_campaign_of_a_flight_is_refused():
-    with pytest.raises(InputError, match="asked of one case"):
-        run_campaign(ascent(Nonlinear()), 5, 1)

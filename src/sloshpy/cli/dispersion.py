@@ -52,14 +52,16 @@ def disperse(
     tls_ca: Annotated[Path | None, Parameter(help="PEM file of its authority", env_var="SLOSHPY_TLS_CA")] = None,
     tls_cert: Annotated[Path | None, Parameter(help="PEM file of our certificate", env_var="SLOSHPY_TLS_CERT")] = None,
     tls_key: Annotated[Path | None, Parameter(help="PEM file of our key", env_var="SLOSHPY_TLS_KEY")] = None,
-    case_limit: Annotated[str, Parameter(help="longest time that one case, or one time of a flight, takes")] = "60 s",
+    case_limit: Annotated[
+        str, Parameter(help="longest that one case takes; of a flight each time, or the simulation")
+    ] = "60 s",
     export: Annotated[Path | None, Parameter(help="write every draw and answer as NetCDF, .nc, or Zarr, .zarr")] = None,
     figures: Annotated[
         Path | None, Parameter(help="of a flight: percentiles over time, a figure and a table of each, in this folder")
     ] = None,
     json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
 ) -> int:
-    """Draw an uncertain case N times and say what share meets the criteria, with which confidence, and what drives it.
+    """Draw an uncertain case or flight N times; say what share meets the criteria, how surely, and what drives it.
 
     Exit status: 0 the criteria are met as the file asks, 1 they are not or so few cases cannot show it, 2 the input was
     refused, 130 interrupted.

@@ -236,6 +236,11 @@ class TableDamping(_Law):
         )
         return PchipInterpolator(nodes, np.append(2.0 * f(0.0), force), extrapolate=False)
 
+    @property
+    def force_cubics(self) -> tuple[Array, Array]:
+        """Nodes in m, (P + 1,), and cubics, (P, 4), highest power first, of h over w against |v| / w; force -h v."""
+        return self._force.x, self._force.c.T
+
     def ratio(self, amplitude: Real) -> Array:
         return np.asarray(self._curve(amplitude))
 

@@ -3,10 +3,20 @@
 from sloshpy.dispersion.against_time import AgainstTime, against_time
 from sloshpy.dispersion.campaign import Campaign, read_campaign, rerun, run_campaign
 from sloshpy.dispersion.cluster import Cluster
-from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Moment, Nonlinear, Parameter, drawn
+from sloshpy.dispersion.dispersion import (
+    Correlation,
+    Dispersion,
+    Linear,
+    Moment,
+    Nonlinear,
+    Parameter,
+    drawn,
+    moments_of,
+)
 from sloshpy.dispersion.distribution import Triangular, TruncatedNormal, Uniform
 from sloshpy.dispersion.export import campaign_dataset, write_campaign
 from sloshpy.dispersion.findings import Findings, findings
+from sloshpy.dispersion.flown import fly_case
 
 __all__ = [
     "AgainstTime",
@@ -26,6 +36,8 @@ __all__ = [
     "campaign_dataset",
     "drawn",
     "findings",
+    "fly_case",
+    "moments_of",
     "read_campaign",
     "rerun",
     "run_campaign",

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sloshpy.dispersion.campaign import Campaign
-from sloshpy.dispersion.columns import worst_columns
 from sloshpy.dispersion.findings import PERCENTILES, bound_of
 from sloshpy.dispersion.rows import Column
 from sloshpy.dispersion.statements import Bound
@@ -54,7 +53,8 @@ class AgainstTime:
 
 def time_columns(campaign: Campaign) -> tuple[Column, ...]:
     """Return the numbers of a flight that have percentiles against time; none of a single case."""
-    return tuple(c for c in worst_columns(campaign.dispersion) if c.worst) if campaign.dispersion.flight else ()
+    timed = {c.name.partition("[")[0] for c in campaign.columns if c.moment is not None}
+    return tuple(c for c in campaign.columns if c.moment is None and c.worst and c.name in timed)
 
 
 def against_time(campaign: Campaign, name: str) -> AgainstTime:

@@ -1,15 +1,16 @@
-"""What is asked of a batch of cases: margins and required damping of each, or a nonlinear simulation of each."""
+"""What is asked of cases: margins and required damping of each, or a nonlinear simulation; of flights the same."""
 
 from dataclasses import replace
 
 import numpy as np
-from pydantic import ValidationError
 
 from sloshpy.case import Case
 from sloshpy.damping.laws import small_amplitude_ratio
 from sloshpy.dispersion.columns import columns_of, worst_columns
 from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
+from sloshpy.dispersion.flown import flown
 from sloshpy.dispersion.many_required import many_required
+from sloshpy.dispersion.reasons import MOST_REASON, reason_of
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
 from sloshpy.dispersion.varied import RUN, Varied, find_input, nominal, stands_in, varied, varies_lags
 from sloshpy.dispersion.verdict import verdicts
@@ -22,7 +23,6 @@ from sloshpy.stability import loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
-MOST_REASON = 200  # characters kept
 SPARE = 0.8  # of the ensemble's own step, for frequencies that follow from other inputs
 STRETCH = 1.25  # of the ensemble's own step, beyond which a case is refused: 1e-4 of a limit cycle
 
@@ -35,7 +35,11 @@ def _with_verdict(dispersion: Dispersion, values: Array) -> Array:
 def answered(dispersion: Dispersion, seed: int, first: int, count: int) -> Rows:
     """Return the rows of some cases; what one case raises is that case's alone."""
     draws = drawn(dispersion, seed, first, count)
-    return _along(dispersion, draws, first) if dispersion.flight else _asked(dispersion, draws, first)
+    if not dispersion.flight:
+        return _asked(dispersion, draws, first)
+    if isinstance(dispersion.analysis, Linear):
+        return _along(dispersion, draws, first)
+    return flown(dispersion, draws, first)
 
 
 def _asked(dispersion: Dispersion, draws: Array, first: int) -> Rows:
@@ -48,7 +52,7 @@ def _asked(dispersion: Dispersion, draws: Array, first: int) -> Rows:
         return ask(dispersion, varied(dispersion, draws), first, count)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:  # pydantic's and our own are ValueErrors
         if count == 1:
-            return failed(first, len(columns_of(dispersion)), Status.FAILED, _reason(error))
+            return failed(first, len(columns_of(dispersion)), Status.FAILED, reason_of(error))
     half = count // 2
     return joined([_asked(dispersion, draws[:half], first), _asked(dispersion, draws[half:], first + half)])
 
@@ -74,14 +78,6 @@ def _along(dispersion: Dispersion, draws: Array, first: int) -> Rows:
     when = np.where(np.any(np.isnan(margin), axis=0), np.nan, time[np.argmin(margin, axis=0)])
     values = np.stack([*worst, when, *(x for found in each for x in found.values())], axis=-1)
     return Rows(first=first, values=_with_verdict(dispersion, values), status=status, reasons=tuple(reasons))
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ValidationError):
-        one = error.errors(include_url=False)[0]
-        where = " ".join(str(step) for step in (*one["loc"], *one.get("ctx", {}).get("key", ())))
-        return f"{where} {one['msg']}".strip()[:MOST_REASON]
-    return (" ".join(str(error).split()) or type(error).__name__)[:MOST_REASON]
 
 
 def _damping(dispersion: Dispersion, batch: Varied, amplitude: float | None) -> Array:

@@ -15,8 +15,9 @@ from sloshpy.batch import single
 from sloshpy.dispersion.answers import answered
 from sloshpy.dispersion.cluster import Cluster, computed_there
 from sloshpy.dispersion.columns import columns_of
-from sloshpy.dispersion.dispersion import Dispersion, Linear, drawn
+from sloshpy.dispersion.dispersion import Dispersion, Linear, drawn, moments_of
 from sloshpy.dispersion.environment import environment
+from sloshpy.dispersion.flown_faults import flown_fault
 from sloshpy.dispersion.rows import Column, Rows, Status
 from sloshpy.dispersion.store import HEADER, Layout, Store, open_store, read_header, sealed
 from sloshpy.dispersion.streams import MOST_CASES
@@ -27,6 +28,7 @@ from sloshpy.units import Array, BoolArray
 
 BLOCK = 1000  # cases
 FLIGHTS = 100  # flights in a block, each of many moments
+FLOWN = 20  # simulated flights in a block, a second or so each
 CASE_LIMIT = 60.0  # s that one case may take in a process of its own
 MOST_SEED = 2**64
 
@@ -94,7 +96,7 @@ def run_campaign(
         store: folder in which finished blocks are kept. resume: take up the campaign that it holds, which may grow.
         workers: processes; 0: this process, without guard against a case that hangs or crashes.
         cluster: workers of dask.distributed elsewhere, in place of `workers`.
-        case_limit: s that one case, or each time of a flight, may take, with workers or a cluster.
+        case_limit: s that one case, each time of a flight, or one simulated flight may take, with workers or a cluster.
         watch: told how many cases are done and how many there are.
 
     Raises:
@@ -104,7 +106,8 @@ def run_campaign(
     layout = layout_of(dispersion, cases, seed)
     answer = functools.partial(answered, dispersion, seed)
     tell = watch or (lambda done, count: None)
-    limit = case_limit * len(dispersion.cases)
+    linear = isinstance(dispersion.analysis, Linear)
+    limit = case_limit * (len(dispersion.cases) if linear else 1)
 
     def blocks(numbers: Iterable[int]) -> Iterator[tuple[int, Rows]]:
         if cluster is not None:
@@ -172,8 +175,14 @@ def rerun(dispersion: Dispersion, seed: int, case: int) -> Rows:
 def layout_of(dispersion: Dispersion, cases: int, seed: int) -> Layout:
     """Return how the cases of a campaign lie in blocks."""
     _checked(dispersion, cases, seed)
-    block = FLIGHTS if dispersion.flight else BLOCK
-    return Layout(cases=cases, block=block, columns=tuple(c.name for c in columns_of(dispersion)))
+    return Layout(cases=cases, block=_block(dispersion), columns=tuple(c.name for c in columns_of(dispersion)))
+
+
+def _block(dispersion: Dispersion) -> int:
+    """Return how many cases a block holds."""
+    if not dispersion.flight:
+        return BLOCK
+    return FLIGHTS if isinstance(dispersion.analysis, Linear) else FLOWN
 
 
 def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
@@ -183,7 +192,7 @@ def header_of(dispersion: Dispersion, cases: int, seed: int) -> dict[str, Any]:
         "name": dispersion.name,
         "cases": cases,
         "seed": seed,
-        "block": FLIGHTS if dispersion.flight else BLOCK,
+        "block": _block(dispersion),
         "columns": [c.name for c in columns_of(dispersion)],
         "files": dispersion.digest,
         "configuration": _configuration(dispersion),
@@ -218,9 +227,7 @@ def _checked(dispersion: Dispersion, cases: int, seed: int) -> None:
     for case in dispersion.cases:
         single(case, "a campaign")
     if dispersion.flight and not isinstance(dispersion.analysis, Linear):
-        raise InputError(
-            _refused("nonlinear", "", "is asked of one case, not of a flight", "ask [linear] of the flight")
-        )
+        _check_flown(dispersion)
     if not 1 <= cases <= MOST_CASES:
         raise InputError(_refused("cases", str(cases), f"must be 1 to {MOST_CASES}", "write --cases 2000"))
     if not 0 <= seed < MOST_SEED:
@@ -230,6 +237,16 @@ def _checked(dispersion: Dispersion, cases: int, seed: int) -> None:
             raise InputError(_refused("input", parameter.input, "is asked of a simulation", "ask [nonlinear]"))
         if not any(stands_in(case, parameter.input) for case in dispersion.cases):
             find_input(dispersion.case, parameter.input)  # says why not
+
+
+def _check_flown(dispersion: Dispersion) -> None:
+    """Refuse a flight that no draw of it could be simulated along."""
+    if moments_of(dispersion.phases) != dispersion.flight:
+        cure = "give phases, and flight=moments_of(phases)"
+        raise InputError(_refused("flight", "", "has no phases that a simulation could go along", cure))
+    fault = flown_fault(dispersion)
+    if fault is not None:
+        raise InputError(_refused(fault[0] or "nonlinear", "", *fault[1:]))
 
 
 def _gathered(dispersion: Dispersion, seed: int, layout: Layout, read: Callable[[int], Rows | None]) -> Campaign:

@@ -6,16 +6,18 @@ import numpy as np
 
 from sloshpy.case import Case
 from sloshpy.dispersion.dispersion import Dispersion, Linear
+from sloshpy.dispersion.flown_columns import STEPPED, flown_columns
 from sloshpy.dispersion.rows import Column
 from sloshpy.dispersion.verdict import VERDICT
 
 MARGINAL = 1e-6  # of a disc margin, and in parts of the engine's limit: nearer, rounding elsewhere decides
 NEUTRAL = 1e-9  # likewise of a growth, in parts of the fastest slosh
-STEPPED = 1e-4  # in parts of the engine's limit, which the step of a simulation leaves
 
 
 def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
-    """Return what is kept of each case, the verdict last; of a flight the worst moment first, then every moment."""
+    """Return what is kept of each case, the verdict last; of a flight first what is of all of it, then every moment."""
+    if dispersion.flight and not isinstance(dispersion.analysis, Linear):
+        return (*flown_columns(dispersion), VERDICT)
     if dispersion.flight:
         return (*worst_columns(dispersion), *_moment_columns(dispersion), VERDICT)
     how = dispersion.analysis
@@ -25,7 +27,7 @@ def columns_of(dispersion: Dispersion) -> tuple[Column, ...]:
 
 
 def worst_columns(dispersion: Dispersion) -> tuple[Column, ...]:
-    """Return the columns of the worst moment of a flight."""
+    """Return the columns of the worst moment of a flight that is asked for its margins."""
     found: dict[str, Column] = {}
     for moment in dispersion.flight:
         for column in _linear_columns(moment.case, _question(dispersion)):
@@ -36,8 +38,7 @@ def worst_columns(dispersion: Dispersion) -> tuple[Column, ...]:
 
 def _question(dispersion: Dispersion) -> Linear:
     how = dispersion.analysis
-    if not isinstance(how, Linear):
-        raise ValueError("a nonlinear campaign is of one case, not of a flight")
+    assert isinstance(how, Linear)
     return how
 
 

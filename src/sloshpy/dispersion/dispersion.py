@@ -1,5 +1,6 @@
 """What one dispersion file describes: a case, which of its inputs vary and how, and what is asked of each draw."""
 
+import functools
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -8,6 +9,9 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.dispersion.distribution import Distribution
 from sloshpy.dispersion.streams import random_stream, sobol_stream
+from sloshpy.flight.events import Event
+from sloshpy.flight.peaks import stretches
+from sloshpy.flight.trajectory import Phase, events_of
 from sloshpy.units import Array
 
 SEMIDEFINITE = 1e-10  # an eigenvalue of a correlation matrix this little below 0 is rounding
@@ -82,8 +86,10 @@ class Linear:
 class Nonlinear:
     """A nonlinear simulation of each case from displaced slosh, extra gain and delay added to the loop.
 
-    duration: s. initial_slosh: m. gain: amplitude ratio. delay: s. gust_speed, gust_start, gust_duration: peak in m/s,
-    start and duration in s of one 1-cosine gust of the lateral wind; none where the peak is 0.
+    duration: s, of a case; a flight has its own. initial_slosh: m. gain: amplitude ratio. delay: s. gust_speed,
+    gust_start, gust_duration: peak in m/s, start and duration in s of one 1-cosine gust of the lateral wind; none where
+    the peak is 0. Of a flight the start is in its own time, and each stretch into which nothing is carried begins with
+    the initial slosh.
     """
 
     duration: float = 300.0
@@ -104,6 +110,12 @@ class Moment:
     case: Case
 
 
+def moments_of(phases: tuple[Phase, ...]) -> tuple[Moment, ...]:
+    """Return every time of every phase."""
+    each = ((p, float(t), case) for p in phases for t, case in zip(p.time, p.cases, strict=True))
+    return tuple(Moment(phase=p.name, time=t, case=case) for p, t, case in each)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Dispersion:
     """An uncertain case, or the moments of an uncertain flight, and what is asked of it.
@@ -113,6 +125,7 @@ class Dispersion:
     sampling: "random", independent draws, on which statements with a confidence rest; "sobol", evenly spread ones.
     coverage, confidence: of the statement that decides the verdict.
     digest: hash of the files it was read from, "" for none.
+    phases: of a flight that is simulated; its moments are theirs, in order.
     """
 
     name: str
@@ -125,6 +138,17 @@ class Dispersion:
     confidence: float = 0.9
     digest: str = ""
     flight: tuple[Moment, ...] = ()
+    phases: tuple[Phase, ...] = ()
+
+    @functools.cached_property
+    def events(self) -> tuple[Event, ...]:
+        """The events between the phases of a flight that is simulated."""
+        return events_of(self.phases)
+
+    @property
+    def stretches(self) -> tuple[tuple[Phase, ...], ...]:
+        """The phases in runs between which nothing is carried, each simulated from the initial slosh; () of a case."""
+        return stretches(self.phases, [event.carries for event in self.events]) if self.phases else ()
 
     @property
     def cases(self) -> tuple[Case, ...]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sloshpy.dispersion.campaign import Campaign
+from sloshpy.dispersion.flown_columns import flown_notes
 from sloshpy.dispersion.rows import Column, Status
 from sloshpy.dispersion.statements import (
     Bound,
@@ -210,7 +211,12 @@ def _notes(campaign: Campaign, count: int) -> tuple[str, ...]:
     if not campaign.whole:
         notes.append(f"{count} of {campaign.count} cases: what is missing may be what is slow, and worse")
     if d.flight:
-        notes.append(f"each draw holds for the whole flight: {len(d.flight)} times, the worst of each number decides")
+        if d.phases:
+            notes += flown_notes(d)
+        else:
+            notes.append(
+                f"each draw holds for the whole flight: {len(d.flight)} times, the worst of each number decides"
+            )
         for name in d.inputs:
             without = dict.fromkeys(m.phase for m in d.flight if not stands_in(m.case, name))
             if without:

@@ -200,13 +200,28 @@ def varied(dispersion: Dispersion, draws: Array) -> Varied:
     template = dispersion.case
     depth = len(case_shape(template))
     factor = np.ones((len(draws), *(1,) * depth, len(template.vehicle.tanks)))
+    return _put_in(dispersion, [draw.reshape(-1, *(1,) * depth) for draw in draws.T], factor)
+
+
+def varied_once(dispersion: Dispersion, draw: Array) -> Varied:
+    """Return the case with one draw (parameters,) in place of its inputs, its axes as they are; factors (n_tanks,).
+
+    Raises:
+        ValidationError: as in `varied`.
+    """
+    return _put_in(dispersion, list(draw), np.ones(len(dispersion.case.vehicle.tanks)))
+
+
+def _put_in(dispersion: Dispersion, draws: list[Array], factor: Array) -> Varied:
+    """Return the case with draws, one for each parameter, in its place; `factor` takes in those of the dampings."""
+    template = dispersion.case
     changes: list[tuple[Input, Callable[[Real], Real]]] = []
     run: dict[str, Array] = {}
-    for k, parameter in enumerate(dispersion.parameters):
-        found, draw = find_input(template, parameter.input), draws[:, k].reshape(-1, *(1,) * depth)
+    for parameter, draw in zip(dispersion.parameters, draws, strict=True):
+        found = find_input(template, parameter.input)
         if found.noun == "run":
-            own = getattr(dispersion.analysis, found.field)
-            run[found.field] = own * draws[:, k] if parameter.factor else draws[:, k]
+            own, drawn_flat = getattr(dispersion.analysis, found.field), np.reshape(draw, -1)
+            run[found.field] = own * drawn_flat if parameter.factor else drawn_flat
         elif found.quantity is None:
             for j, tank in enumerate(template.vehicle.tanks):
                 if found.names is not None and tank.name in found.names:
@@ -264,7 +279,8 @@ def _with_lags(pilot: Autopilot, changes: list[tuple[Input, Callable[[Real], Rea
             if found.quantity is _SCALE:
                 own |= _scaled(actuator, float(np.squeeze(change(1.0))))
             else:
-                own[found.field] = float(np.squeeze(change(own[found.field])))
+                drawn = np.squeeze(change(own[found.field]))
+                own[found.field] = drawn if drawn.ndim else float(drawn)
             actuator = Actuator(**own)
     return Autopilot(**(given | {"filter": tuple(filters), "actuator": actuator}))
 

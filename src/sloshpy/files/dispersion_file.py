@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from sloshpy.case import Case
-from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Moment, Nonlinear, Parameter
+from sloshpy.dispersion.dispersion import Correlation, Dispersion, Linear, Nonlinear, Parameter, moments_of
 from sloshpy.dispersion.distribution import Distribution, Triangular, TruncatedNormal, Uniform
+from sloshpy.dispersion.flown_faults import flown_fault
 from sloshpy.dispersion.varied import RUN, find_input, nominal, stands_in
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.case_file import read_case
@@ -19,6 +20,7 @@ from sloshpy.files.places import Path, Places, find_places
 from sloshpy.files.text_file import beside, read_text
 from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
 from sloshpy.files.wording import nearest, value_at
+from sloshpy.flight import Phase
 from sloshpy.units import Quantity, UnitError, example, parse
 from sloshpy.vehicle.slosh_mass import NAME
 
@@ -62,21 +64,22 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
     confidence = page.quantity(("confidence",), _PART, 0.9)
     analysis = _analysis(page)
     folder = FilePath(file).parent
-    flight: tuple[Moment, ...] = ()
+    phases: tuple[Phase, ...] = ()
     case: Case | None = None
     if "flight" in page.document:
-        flight, digest = _flight(page, folder)
-        case = flight[0].case if flight else None
+        phases, digest = _flight(page, folder)
+        case = phases[0].cases[0] if phases else None
     else:
         case, digest = _case(page, folder)
+    flight = moments_of(phases)
     cases = tuple(moment.case for moment in flight) or ((case,) if case is not None else ())
     parameters = _parameters(page, cases, analysis)
-    _check_gust(page, case, analysis, parameters)
+    _check_gust(page, cases, analysis, parameters)
     correlations = _correlations(page, parameters)
     found = once(page.found)
     if found or case is None or name is None or coverage is None or confidence is None:
         raise InputError(*in_file_order(found, file, places))
-    return Dispersion(
+    read = Dispersion(
         name=name,
         case=case,
         parameters=tuple(parameters.values()),
@@ -87,7 +90,13 @@ def read_dispersion(path: str | os.PathLike[str]) -> Dispersion:
         confidence=confidence,
         digest=f"{hashlib.sha256(raw).hexdigest()} {digest}",
         flight=flight,
+        phases=() if isinstance(analysis, Linear) else phases,
     )
+    fault = flown_fault(read)
+    if fault is not None:
+        page.refuse(("nonlinear", fault[0]) if fault[0] in page.document["nonlinear"] else ("nonlinear",), *fault[1:])
+        raise InputError(*in_file_order(page.found, file, places))
+    return read
 
 
 class _Page:
@@ -204,12 +213,14 @@ def _analysis(page: _Page) -> Linear | Nonlinear:
     return Linear()
 
 
-def _flight(page: _Page, folder: FilePath) -> tuple[tuple[Moment, ...], str]:
-    """Return the moments of the flight that is named and the hash of its file; its faults are told as its own."""
+def _flight(page: _Page, folder: FilePath) -> tuple[tuple[Phase, ...], str]:
+    """Return the phases of the flight that is named and the hash of its file; its faults are told as its own."""
     path: Path = ("flight",)
-    for key, rule in (("case", "stands beside flight"), ("nonlinear", "is asked of one case, not of a flight")):
-        if key in page.document:
-            page.refuse((key,), rule, "leave it out" if key == "case" else "ask [linear] of the flight, or name a case")
+    if "case" in page.document:
+        page.refuse(("case",), "stands beside flight", "leave it out")
+    run = page.document.get("nonlinear")
+    if isinstance(run, dict) and "duration" in run:
+        page.refuse(("nonlinear", "duration"), "is asked of one case; a flight lasts from start to end", "leave it out")
     name = page.text(path, None)
     try:
         if name is None:
@@ -224,10 +235,9 @@ def _flight(page: _Page, folder: FilePath) -> tuple[tuple[Moment, ...], str]:
     except ValueError as error:
         page.refuse(path, str(error).replace("case file", "dispersion file"), "put the flight file beside it")
         return (), ""
-    moments = [Moment(phase=p.name, time=float(t), case=c) for p in found for t, c in zip(p.time, p.cases, strict=True)]
-    if any(m.case.criteria != moments[0].case.criteria for m in moments):
+    if any(case.criteria != found.phases[0].cases[0].criteria for phase in found for case in phase.cases):
         page.refuse(path, "has phases with different criteria", "give every phase's case the same [criteria]")
-    return tuple(moments), hashed
+    return found.phases, hashed
 
 
 def _case(page: _Page, folder: FilePath) -> tuple[Case | None, str]:
@@ -273,13 +283,15 @@ def _parameters(page: _Page, cases: tuple[Case, ...], analysis: Linear | Nonline
     return parameters
 
 
-def _check_gust(page: _Page, case: Case | None, analysis: Linear | Nonlinear, parameters: dict[str, Parameter]) -> None:
+def _check_gust(
+    page: _Page, cases: tuple[Case, ...], analysis: Linear | Nonlinear, parameters: dict[str, Parameter]
+) -> None:
     """Refuse a gust of a case that the wind does not move, and what varies of a gust that there is none of."""
-    if case is None or not isinstance(analysis, Nonlinear):
+    if not cases or not isinstance(analysis, Nonlinear):
         return
     speed, path = parameters.get("run.gust_speed"), ("nonlinear", "gust_speed")
     blowing = analysis.gust_speed != 0.0 or (speed is not None and not speed.factor)
-    if blowing and case.vehicle.aerodynamics is None:
+    if blowing and all(case.vehicle.aerodynamics is None for case in cases):
         page.refuse(path, "acts by the aerodynamics, and the case has none", "add [aerodynamics] to the case")
     elif not blowing and any(name.startswith("run.gust_") for name in parameters):
         page.refuse(path, "is missing: there is no gust that could vary", 'write gust_speed = "10 m/s"')

@@ -3,6 +3,7 @@
 from sloshpy.flight.assess_flight import FlightAssessment, assess_flight
 from sloshpy.flight.events import Event
 from sloshpy.flight.flight_history import FlightHistory
+from sloshpy.flight.fly_fast import fly_fast
 from sloshpy.flight.growth_across import CarriedGrowth, growth_across
 from sloshpy.flight.growth_along import FlightGrowth, growth_along
 from sloshpy.flight.growth_check import GrowthCheck, check_growth
@@ -31,6 +32,7 @@ __all__ = [
     "assess_flight",
     "check_growth",
     "damping_requirement",
+    "fly_fast",
     "growth_across",
     "growth_along",
     "mode_state",

@@ -72,7 +72,7 @@ class Equations:
 
     def march(self, x: Array, begin: float, end: float, most: float, record: CommandRecord) -> Part:
         """Integrate from a state, begin to end in s, by Runge-Kutta steps of order four of at most so many s."""
-        times, empty = self._steps(begin, end, most)
+        times, empty = self.steps(begin, end, most)
         record.begin()
         states, angle, stopped = [], [], ""
         for n, t in enumerate(times.tolist()):
@@ -126,7 +126,7 @@ class Equations:
     def _place(self, t: float) -> tuple[int, float]:
         return self.phase.place(min(t, float(self.phase.time[-1])))
 
-    def _steps(self, begin: float, end: float, most: float) -> tuple[Array, int]:
+    def steps(self, begin: float, end: float, most: float) -> tuple[Array, int]:
         """Return the times of the steps, s, and how many steps it takes until the line holds nothing from before.
 
         The line is empty of it at the end of a step, so that no step crosses the jump. The last step may be short.

@@ -62,7 +62,7 @@ def simulate_flight(
     for one, two in itertools.pairwise(own):
         carried_or_refused(one, two)
     equations = [Equations.of(phase) for phase in own]
-    record, x = CommandRecord(past), _begun(own[0], initial)
+    record, x = CommandRecord(past), begun(own[0], initial)
     parts: list[Part] = []
     for k, (phase, motion) in enumerate(zip(own, equations, strict=True)):
         if k:
@@ -72,7 +72,7 @@ def simulate_flight(
         x = parts[-1].state[-1]
         if parts[-1].stopped:
             break
-    return _joined(own, parts)
+    return joined_parts(own, parts)
 
 
 def carried_or_refused(one: Phase, two: Phase) -> None:
@@ -87,7 +87,7 @@ def carried_or_refused(one: Phase, two: Phase) -> None:
         raise OutsideValidity(str(event))
 
 
-def _begun(phase: Phase, initial: Array) -> Array:
+def begun(phase: Phase, initial: Array) -> Array:
     """Return the first state, given itself or by slosh displacements."""
     loop, given = open_loop(phase.cases[0]), np.asarray(initial, dtype=float)
     x = np.zeros(Model(loop, phase.cases[0], None).size)
@@ -97,7 +97,7 @@ def _begun(phase: Phase, initial: Array) -> Array:
     return x
 
 
-def _joined(phases: tuple[Phase, ...], parts: list[Part]) -> FlightHistory:
+def joined_parts(phases: tuple[Phase, ...], parts: list[Part]) -> FlightHistory:
     """Return the parts as one history; an event stands once, since the motion is the same on both its sides."""
 
     def joined(name: str) -> Array:

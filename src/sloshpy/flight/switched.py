@@ -31,13 +31,13 @@ def switched(phases: Sequence[Phase], courses: Sequence[tuple[Array, Array]]) ->
     """
     one, two = phases[-2].cases[-1], phases[-1].cases[0]
     x = courses[-1][1][-1]
-    plant, old = _sizes(one)
     if one.autopilot.filter == two.autopilot.filter:
         return np.array(x)
     if np.any(one.autopilot.accelerometer_gain) or np.any(two.autopilot.accelerometer_gain):
         raise OutsideValidity(
             "other filters begin where an accelerometer is fed back: what they have heard is not kept"
         )
+    plant, old = _sizes(one)
     A, B, _ = chain(two.autopilot.filter)
     states = np.zeros(len(B))
     for phase, (time, course) in zip(phases[:-1], courses, strict=True):

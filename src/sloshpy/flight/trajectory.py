@@ -164,10 +164,7 @@ class Trajectory:
     @functools.cached_property
     def crossings(self) -> tuple[Event, ...]:
         """The events, with what changes at each and whether an oscillation goes on across it."""
-        return tuple(
-            event_between(one.name, (float(one.time[-1]), one.cases[-1]), two.name, (float(two.time[0]), two.cases[0]))
-            for one, two in itertools.pairwise(self.phases)
-        )
+        return events_of(self.phases)
 
     def phase_at(self, time: float) -> Phase:
         """Return the phase that holds a time in s, at an event the one after it.
@@ -190,6 +187,14 @@ class Trajectory:
             lines.append(f"  {p.name}: {p.time[0]:g} to {p.time[-1]:g} s, {len(p.time)} times, {', '.join(p.tanks)}")
             lines += [f"    - {note}" for note in p.notes]
         return "\n".join(lines)
+
+
+def events_of(phases: tuple[Phase, ...]) -> tuple[Event, ...]:
+    """Return the event between each two phases that follow each other."""
+    return tuple(
+        event_between(one.name, (float(one.time[-1]), one.cases[-1]), two.name, (float(two.time[0]), two.cases[0]))
+        for one, two in itertools.pairwise(phases)
+    )
 
 
 def _damped(case: Case, laws: tuple[AnyDamping, ...]) -> Case:

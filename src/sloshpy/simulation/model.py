@@ -3,7 +3,9 @@
 plant x --> sensed --> gain, filters --> command --> delay --> actuator --> beta, beta'' --> plant
 """
 
+import functools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +17,25 @@ from sloshpy.damping import DampingLaw
 from sloshpy.damping.laws import Force
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.sensed import fed
-from sloshpy.units import Array
+from sloshpy.units import Array, IntArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrices:
+    """The numbers of a `Model` of N states and n tanks; damping accelerations are what its laws give.
+
+    by_state: (N, N), by_input: (N, 2 + n), x' on x and on command, wind and damping accelerations; with limits the
+    first input is the engine's acceleration, and the last two states, angle and rate, are left to `actuator_motion`.
+    command: (N + 1 + n,), on x, wind and damping accelerations. engine: (N + 1,), its angle on x and on the command
+    that reaches the actuator. limits: of an actuator with limits frequency, damping, stop, fastest rate and dead band;
+    else ().
+    """
+
+    by_state: Array
+    by_input: Array
+    command: Array
+    engine: Array
+    limits: Array
 
 
 class Model:
@@ -79,9 +99,13 @@ class Model:
             np.inf if limits[0] is None else float(limits[0]),
             np.inf if limits[1] is None else float(limits[1]),
         )
-        varies = [fixed is None and not constant(tank.damping) for tank in case.vehicle.tanks]
-        self._kinked = self.velocities.start + np.flatnonzero(varies)
+        self._laws = [] if fixed is not None else [tank.damping for tank in case.vehicle.tanks]
         self._by_state, self._by_input = self._probed()
+
+    @functools.cached_property
+    def _kinked(self) -> IntArray:
+        """States at whose sign change a damping force has a kink; asked of single runs alone."""
+        return np.asarray(self.velocities.start + np.flatnonzero([not constant(law) for law in self._laws]))
 
     def _probed(self) -> tuple[Array, Array]:
         """Return the matrices of x' on x and on the inputs: command, wind, damping accelerations.
@@ -160,6 +184,21 @@ class Model:
             felt = self._at_once(forces, float(self._angle @ states), float(self._jerk @ states))
             command += self._direct * (felt + self._wind_felt * wind)
         return command
+
+    @property
+    def matrices(self) -> "Matrices":
+        """The same equations as numbers, for a kernel."""
+        felt = self._direct if self._felt else 0.0  # then the actuator lags by itself: its states give beta and beta''
+        command, engine = np.zeros(self.size + 1 + len(self._pushed)), np.zeros(self.size + 1)
+        command[: self.size] = self._read
+        command[self._engine] += felt * (self._d * self._angle + self._d2 * self._jerk)
+        command[self.size], command[self.size + 1 :] = felt * self._wind_felt, felt * self._pushed
+        engine[self._engine], engine[self.size] = self._angle, self._through
+        a = self._actuator
+        limits = np.zeros(0)
+        if self._limited and a is not None and a.frequency is not None and a.damping is not None:
+            limits = np.array([a.frequency, a.damping, *self._limits, a.deadband or 0.0])
+        return Matrices(by_state=self._by_state, by_input=self._by_input, command=command, engine=engine, limits=limits)
 
     def outside(self, x: Array) -> bool:
         """Whether a slosh velocity lies beyond the data of its law."""

@@ -4,8 +4,9 @@ import numpy as np
 
 from sloshpy.batch import case_shape
 from sloshpy.case import Case
-from sloshpy.damping import AnyDamping, ConstantDamping, PowerDamping, SumDamping
+from sloshpy.damping import ConstantDamping, PowerDamping
 from sloshpy.errors import OutsideValidity
+from sloshpy.simulation.law_terms import flattened
 from sloshpy.units import Array
 
 
@@ -20,7 +21,7 @@ def power_terms(case: Case) -> tuple[Array, Array, Array]:
     constant, terms = [], []
     for tank in case.vehicle.tanks:
         ratio, powers = 0.0, []
-        for part in _parts(tank.damping):
+        for part in flattened(tank.damping):
             if isinstance(part, ConstantDamping):
                 ratio += part.constant_ratio
             elif isinstance(part, PowerDamping):
@@ -39,7 +40,3 @@ def power_terms(case: Case) -> tuple[Array, Array, Array]:
     w = [np.broadcast_to(np.asarray(tank.frequency, dtype=float), case_shape(case)) for tank in case.vehicle.tanks]
     at = np.stack(w, axis=-1)[..., None] if w else np.ones((0, 1))
     return np.array(constant), filled[..., 0] * at ** (1.0 - exponent), exponent
-
-
-def _parts(law: AnyDamping) -> tuple[AnyDamping, ...]:
-    return tuple(p for part in law.of for p in _parts(part)) if isinstance(law, SumDamping) else (law,)
