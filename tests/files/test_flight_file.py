@@ -271,7 +271,7 @@ def test_a_missing_value_and_a_link_to_another_file_are_refused(folder):
         ("flight.toml", '= "m"', '= "mass"', 2, "is not in the file"),
         ("flight.toml", '"vehicle.mass"', '"vehicle.mas"', 9, 'has no quantity "mas"'),
         ("flight.toml", '"vehicle.mass"', '"tank.LH2.slosh_mass"', 9, "names no tank of the case"),
-        ("flight.toml", '"vehicle.mass"', '"autopilot.filter"', 9, '"filter" follows no schedule'),
+        ("flight.toml", '"vehicle.mass"', '"autopilot.filter"', 9, "names a filter, and the case has none"),
         ("flight.toml", '"linear"', '"cubic"', 6, "must be linear or pchip"),
         ("flight.toml", 'interpolation = "linear"\n', "", 3, "is missing"),
         ("flight.toml", 'end = "20 s"', 'end = "25 s"', 22, "lies before the end of the phase before, 25 s"),

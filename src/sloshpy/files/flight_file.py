@@ -24,7 +24,8 @@ from sloshpy.files.text_file import beside, read_text
 from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
 from sloshpy.files.wording import nearest, step_into, value_at
 from sloshpy.flight import FileUsed, Phase, Trajectory
-from sloshpy.flight.scheduled import NotScheduled, scheduled
+from sloshpy.flight.scheduled import scheduled
+from sloshpy.flight.scheduled_lag import NotScheduled
 from sloshpy.tank import Tank
 from sloshpy.units import Array, UnitError, parse
 
