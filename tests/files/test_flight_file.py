@@ -296,6 +296,16 @@ def test_a_fault_is_told_with_its_row(folder, file, old, new, line, rule):
     assert told[0].line == line, str(told[0])
 
 
+@pytest.mark.parametrize("step", ['step = "0 s"', "step = 5", ""])
+def test_a_phase_whose_times_are_wrong_still_uses_its_table(folder, step):
+    text = FLIGHT.replace('step = "5 s"', step)
+    (folder / "flight.toml").write_text(text[: text.index('[[phase]]\nname = "second"')])
+    with pytest.raises(InputError) as caught:
+        read_flight(folder / "flight.toml")
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("step")
+
+
 def test_every_fault_is_told_at_once_and_nothing_is_guessed(folder):
     (folder / "burns.csv").write_text(TABLE.replace("10,15.5", "10,16.5").replace("30,11.6", "30,12.6"))
     problems = spoilt(folder, "flight.toml", ("start", "stat"))
