@@ -37,7 +37,7 @@ class Actuator(BaseModel):
         default=None, validate_default=True
     )
     deflection_limit: Annotated[float, Quantity("rad", "", "largest engine angle", above=0.0)] | None = None
-    rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0)] | None = None
+    rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0, rate=True)] | None = None
     deadband: (
         Annotated[float, Quantity("rad", "", "half width of the command's dead band about zero", above=0.0)] | None
     ) = None
