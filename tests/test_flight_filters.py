@@ -15,7 +15,7 @@ from sloshpy.dynamics.poles import closed_loop_eigenvalues
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import InputError
 from sloshpy.files import read_case, read_flight, write_example
-from sloshpy.flight import Phase, Trajectory, assess_flight, check_growth, growth_along, simulate_flight
+from sloshpy.flight import Phase, Trajectory, assess_flight, check_growth, growth_across, growth_along, simulate_flight
 from sloshpy.report.flight_tables import phase_inputs
 from sloshpy.stability import danger_zone, margins, required_damping
 from sloshpy.stability.danger_zone import phase_lead
@@ -353,3 +353,23 @@ def test_a_filter_that_is_unstable_between_two_sound_rows_is_refused(folder):
     # s^3 + 0.5 s^2 + 0.5 s + 1 = (s + 1)(s^2 - 0.5 s + 1); a row is told before what lies between rows
     assert (problem.key, problem.line) == ("autopilot.filter.1", 3)
     assert problem.rule == "denominator: has a pole at 0.25 +- 0.9682j rad/s"
+
+
+def test_growth_across_an_event_with_moving_filters_agrees_with_its_simulation(upper_stage):
+    def flown(name, begin, end, thrust):
+        time = np.linspace(begin, end, round(end - begin) + 1)
+        w = 3.0 + time / 40.0
+        notch = Filter.model_construct(numerator=(1.0, 0.4 * w, w**2), denominator=(1.0, 1.2 * w, w**2))
+        case = piloted(upper_stage, time, filter=(notch,), delay=0.02).case
+        vehicle = case.vehicle.model_copy(update={"thrust": thrust, "vectored_thrust": thrust})
+        return Phase(name=name, time=time, case=case.model_copy(update={"vehicle": vehicle}))
+
+    phases = (flown("full", 0.0, 30.0, 9e5), flown("half", 30.0, 60.0, 7e5))
+    check = check_growth(growth_across(Trajectory(name="throttled", phases=phases), "LOX", 0.05))
+    assert len(check.growth.parts) == 2
+    assert check.time[-1] > 55.0
+    # as where nothing moves (`test_flight_events`): just after the event other modes die out first
+    assert check.worst < 1e-2
+    assert np.max(np.abs(check.difference[check.time > 45.0])) < 1e-3
+    # the same filter on both sides goes on
+    assert phases[0].cases[-1].autopilot.filter == phases[1].cases[0].autopilot.filter
