@@ -241,10 +241,10 @@ def show(value: float, unit: str) -> str:
     return f"{si} ({value / size:.5g} {name})"
 
 
-def compared(difference: float, of: str) -> str:
+def compared(difference: float, of: str, digits: int = 3) -> str:
     """Return the size of a relative difference in words: "4.2 %", beyond 100 % "7.21 times the predicted amplitude"."""
     size = abs(difference)
-    return f"{100.0 * size:.3g} %" if size <= 1.0 else f"{size:.3g} times {of}"
+    return f"{100.0 * size:.{digits}g} %" if size <= 1.0 else f"{size:.{digits}g} times {of}"
 
 
 @dataclass(frozen=True)
