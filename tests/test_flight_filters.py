@@ -318,6 +318,19 @@ def test_what_makes_no_filter_is_refused(folder, file, old, new, line, rule):
     assert told[0].cure
 
 
+def test_a_pole_that_reaches_the_origin_is_refused(folder):
+    moved = FLIGHT.replace("denominator.s^1", "denominator.s^0")
+    (folder / "flight.toml").write_text(moved)
+    (folder / "pilot.csv").write_text(TABLE.replace("20,0.08", "20,0"))
+    with pytest.raises(InputError, match="has a pole that reaches or leaves the origin") as caught:
+        read_flight(folder / "flight.toml")
+    assert caught.value.problems[0].line == 4
+    # one that stays there is an integrator whose gain moves
+    rows = TABLE.replace("0,0.02", "0,0").replace("10,0.05", "10,0").replace("20,0.08", "20,0")
+    (folder / "pilot.csv").write_text(rows)
+    assert read_flight(folder / "flight.toml").phases[0].cases[2].autopilot.filter[0].denominator == (0.03, 0.0)
+
+
 def spoilt(folder, file, old, new):
     text = (folder / file).read_text()
     assert old in text

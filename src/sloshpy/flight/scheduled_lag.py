@@ -126,6 +126,10 @@ def lag_fault(lag: Filter | Actuator, moved: Mapping[tuple[str, int], Array]) ->
         if len(turned):
             rule = f"{part}: its first coefficient, of s^{len(polynomial) - 1}, passes through 0"
             return int(turned[0]), rule, "end the phase before, with a case of the order that there is"
+    still = np.cumprod(bottom[::-1] == 0.0, axis=0).sum(axis=0)  # poles at the origin
+    if np.any(still != still[0]):
+        rule = "denominator: has a pole that reaches or leaves the origin"
+        return int(np.argmax(still != still[0])), rule, "end the phase there, a case for each side"
     for k, polynomial in enumerate(each(bottom)):
         poles = np.roots(polynomial)
         rounding = ROUNDING * np.abs(poles)
