@@ -67,6 +67,9 @@ def test_faults_of_the_flight_end_with_status_2_and_their_rows(ascent, capsys):
     assert "second_stage.csv:5: vehicle.mass" in told
     assert "Cure:" in told
     assert run("flight", str(ascent), "--every", "0") == 2
+    capsys.readouterr()
+    assert run("flight", str(ascent), "--linear", "--every", "2") == 2
+    assert "--every: 2; is how often limit cycles are sought, and --linear leaves them out" in capsys.readouterr().err
 
 
 def test_the_growth_of_a_mode_is_printed_with_its_simulation_and_drawn(ascent, capsys):

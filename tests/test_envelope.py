@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sloshpy.simulation import settled_envelope
+from sloshpy.simulation.envelope import level_envelopes
 
 T = np.arange(0, 200, 0.02)
 
@@ -34,6 +35,16 @@ def test_a_slope_that_does_not_slow_down_is_no_settled_oscillation():
     for slope, settled in ((3e-6, True), (0.0003, False), (0.003, False)):
         signal = np.exp(slope / (10 * period) * T) * np.sin(2 * T)
         assert settled_envelope(T, signal).settled is settled
+
+
+@pytest.mark.parametrize(
+    ("ten_cycles", "words"),
+    [(8.21, "grows to 8.21 times its size"), (1.5, "changes by +50 %"), (0.05, "changes by -95 %")],
+)
+def test_a_change_of_more_than_all_is_told_in_times(ten_cycles, words):
+    high = ten_cycles ** (np.arange(21.0)[None] / 10.0)
+    (reason,) = level_envelopes(np.arange(21.0)[None], high, -high, np.array([21])).reason
+    assert f"the envelope {words} in ten cycles; run longer" in reason
 
 
 def test_fewer_than_twenty_cycles_are_unconverged():

@@ -39,6 +39,9 @@ def test_a_wrong_prediction_shows_as_a_difference():
     one = verify(paper_case())[0]
     wrong = replace(one.predicted, slosh_amplitude={"LOX": 1.1 * one.predicted.slosh_amplitude["LOX"]})
     assert replace(one, predicted=wrong).difference == pytest.approx(0.1, abs=2e-3)
+    far = replace(one.predicted, slosh_amplitude={"LOX": 8.21 * one.slosh["LOX"]})
+    assert "difference 7.21 times the simulated amplitude, other harmonics" in str(replace(one, predicted=far))
+    assert "difference 9.98 %, other" in str(replace(one, predicted=wrong))
 
 
 def test_an_unstable_cycle_is_listed_and_not_simulated():

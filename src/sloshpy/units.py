@@ -99,18 +99,21 @@ def _registry() -> "pint.UnitRegistry[Any]":
     return registry
 
 
-def example(unit: str) -> str:
-    """Return texts a user could write for a quantity of this SI unit."""
+def example(unit: str, rate: bool = False) -> str:
+    """Return texts a user could write for a quantity of this SI unit; of an angular rate without Hz."""
+    if rate:
+        return '"15 deg/s" or "0.26 rad/s"'
     return _EXAMPLES.get(unit, f'"1 {unit}"')
 
 
-def parse(text: str, unit: str) -> float:
+def parse(text: str, unit: str, rate: bool = False) -> float:
     """Read a number with its unit and return it in SI.
 
     Args:
         text: what the user wrote, such as "202328 lbf", "6.6e5 slug-ft^2", "0.34 Hz", "4.8 %", "6 dB".
         unit: the SI unit wanted. "rad/s" takes cyclic units times 2 pi, "dB" returns the amplitude ratio
             10^(dB/20), "1" takes bare numbers and percent.
+        rate: of "rad/s", that it is how fast something turns, not a frequency: hertz is refused.
 
     Raises:
         UnitError: no number, unknown unit, or a unit of another dimension.
@@ -136,11 +139,11 @@ def parse(text: str, unit: str) -> float:
     if not name:
         if unit == "1":
             return value
-        raise UnitError("has no unit", f"write {example(unit)}")
-    return _convert(value, name, unit)
+        raise UnitError("has no unit", f"write {example(unit, rate)}")
+    return _convert(value, name, unit, rate)
 
 
-def _convert(value: float, name: str, unit: str) -> float:
+def _convert(value: float, name: str, unit: str, rate: bool) -> float:
     import pint
 
     if '"' in name or "'" in name:
@@ -169,6 +172,9 @@ def _convert(value: float, name: str, unit: str) -> float:
     powers = {str(u): p for u, p in written._units.items()}
     cyclic = sum(p for u, p in powers.items() if u.endswith("hertz"))
     angular = sum(p for u, p in powers.items() if u in _ANGLES or u.endswith("radian"))
+    if rate and angular == 0:
+        rule = "is a frequency, must be an angular rate" if cyclic else "does not say of which angle"
+        raise UnitError(rule, f"write {example(unit, rate)}")
     if unit == "rad/s" and cyclic == 0 and angular == 0:
         raise UnitError("does not say whether it is cyclic or angular", f"write {example(unit)}")
     if unit == "rad" and angular == 0:
@@ -235,6 +241,12 @@ def show(value: float, unit: str) -> str:
     return f"{si} ({value / size:.5g} {name})"
 
 
+def compared(difference: float, of: str, digits: int = 3) -> str:
+    """Return the size of a relative difference in words: "4.2 %", beyond 100 % "7.21 times the predicted amplitude"."""
+    size = abs(difference)
+    return f"{100.0 * size:.{digits}g} %" if size <= 1.0 else f"{size:.{digits}g} times {of}"
+
+
 @dataclass(frozen=True)
 class Quantity:
     """The unit, range and meaning of a field; reads texts with units and, in Python, SI numbers and arrays.
@@ -246,6 +258,7 @@ class Quantity:
         above, least, below, most: the allowed range, exclusive and inclusive, in the SI unit.
         sequence: a list of quantities in place of one.
         hint: the likeliest cure where the range is broken.
+        rate: of "rad/s", how fast something turns: hertz, which counts cycles, is refused.
     """
 
     unit: str
@@ -257,6 +270,7 @@ class Quantity:
     most: float | None = None
     sequence: bool = False
     hint: str = ""
+    rate: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.with_info_plain_validator_function(self._read)
@@ -266,7 +280,9 @@ class Quantity:
     ) -> dict[str, Any]:
         text = {"type": "string"}
         one = {"anyOf": [{"type": "number"}, text]} if self.unit == "1" else text
-        described = {"description": f"{self.meaning} [{self.unit}], {self.rule}. Write {example(self.unit)}."}
+        described = {
+            "description": f"{self.meaning} [{self.unit}], {self.rule}. Write {example(self.unit, self.rate)}."
+        }
         return {"type": "array", "items": one} | described if self.sequence else one | described
 
     @property
@@ -318,15 +334,17 @@ class Quantity:
             if from_file and self.unit == "1" and _NUMBER.fullmatch(value.strip()):
                 raise refusal((), "is a text", f"write the number without quotation marks, as in {value.strip()}")
             try:
-                return parse(value, self.unit)
+                return parse(value, self.unit, self.rate)
             except UnitError as error:
                 raise refusal((), error.rule, error.cure) from None
         if isinstance(value, bool | complex) or not isinstance(value, int | float | np.integer | np.floating):
-            raise refusal((), "is not a number", f"write {example(self.unit)}")
+            raise refusal((), "is not a number", f"write {example(self.unit, self.rate)}")
         if (isinstance(value, int) and abs(value) > 10**300) or not math.isfinite(value):
-            raise refusal((), "must be finite", f"write {example(self.unit)}")
+            raise refusal((), "must be finite", f"write {example(self.unit, self.rate)}")
         if from_file and self.unit != "1":
-            unit = {"rad/s": "rad/s or Hz", "rad": "deg or rad"}.get(self.unit, self.unit)
+            unit = {"rad/s": "deg/s or rad/s" if self.rate else "rad/s or Hz", "rad": "deg or rad"}.get(
+                self.unit, self.unit
+            )
             raise refusal((), "has no unit", f'write it with its unit, as in "{value} {unit.split()[0]}" ({unit})')
         return float(value)
 

@@ -1,5 +1,6 @@
 """The dispersion file: what is read, and every fault at once with its line."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -88,4 +89,32 @@ def test_a_campaign_from_the_command_line_is_read_again_and_a_case_is_the_same(e
     assert "N = 20 cannot support 99.865 %" in first.stdout
     assert run().stdout == first.stdout
     assert "the same bits as in the store" in run("--case", "7").stdout
+    beyond = run("--case", "20")
+    assert (beyond.returncode, "NOT compared with the store: the store ends with case 19" in beyond.stdout) == (0, True)
     assert "is 3 in the store" in run("--seed", "4").stderr
+    (block,) = store.glob("block-*.bin")
+    data = bytearray(block.read_bytes())
+    data[len(data) // 2] ^= 1
+    block.write_bytes(data)
+    damaged = run("--case", "7")
+    assert damaged.returncode == 1
+    assert "NOT compared with the store: block-00000000.bin, cases 0 to 19, is damaged" in damaged.stdout
+    told = json.loads(run("--case", "7", "--json").stdout)
+    assert (told["same"], told["not_compared"]) == (None, "block-00000000.bin, cases 0 to 19, is damaged")
+    block.unlink()
+    assert "cases 0 to 19, is not there yet" in run("--case", "7").stdout
+
+
+def test_a_case_that_diverges_says_so_once(example, capsys):
+    stage = example.with_name("upper_stage.toml")
+    head, _, rest = stage.read_text().partition("[tank.damping]")
+    stage.write_text(f'{head}[tank.damping]\nlaw = "constant"\nratio = "0.1 %"\n\n{rest[rest.index("[autopilot]") :]}')
+    vary = '[[vary]]\ninput = "vehicle.mass"\ndistribution = "uniform"\nlow = 0.99\nhigh = 1.01\n'
+    run = '[nonlinear]\nduration = "900 s"\ninitial_slosh = "1 m"\n'
+    example.write_text(f'name = "wild"\ncase = "upper_stage.toml"\n{run}{vary}')
+    with pytest.raises(SystemExit) as ended:
+        main(["disperse", str(example), "--case", "0", "--seed", "4"])
+    assert ended.value.code == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("case 0 of seed 4: diverged at ")
+    assert first.count("diverged") == 1

@@ -1,14 +1,16 @@
 """What is exported is what the store holds: read back by xarray, by both formats, whole and partial."""
 
+import warnings
+
 import numpy as np
 import pytest
 import xarray as xr
 from uncertain import RUN, stage
 
 from sloshpy.cli import main
+from sloshpy.dispersion import Parameter, Uniform, read_campaign, run_campaign, write_campaign
 from sloshpy.dispersion import campaign as campaign_room
 from sloshpy.dispersion import export as export_room
-from sloshpy.dispersion import read_campaign, run_campaign, write_campaign
 from sloshpy.dispersion.rows import Status
 from sloshpy.errors import InputError
 from sloshpy.files import write_example
@@ -50,6 +52,27 @@ def test_an_export_is_read_back_bit_for_bit_with_nan_for_what_is_missing(partial
     assert [p.name for p in tmp_path.iterdir() if "tmp" in p.name] == []
     with pytest.raises(InputError, match="there already"):
         write_campaign(c, path)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_every_variable_says_what_it_is_and_nobody_is_warned(partial_campaign, tmp_path, suffix):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        path = write_campaign(partial_campaign, tmp_path / f"c{suffix}")
+        found = xr.open_dataset(path, engine="h5netcdf") if suffix == ".nc" else xr.open_zarr(path)
+    with found:
+        assert all(x.attrs["long_name"] for x in found.data_vars.values())
+        units = {str(n): x.attrs["units"] for n, x in found.data_vars.items() if str(n).startswith("drawn.")}
+        inputs = partial_campaign.dispersion.inputs
+        assert set(units) == {f"drawn.{name}" for name in inputs}
+        assert found["drawn.vehicle.mass"].attrs == {"units": "1", "long_name": "factor drawn for vehicle.mass"}
+
+
+def test_a_value_drawn_is_in_its_unit():
+    delay = Parameter(input="autopilot.delay", distribution=Uniform(low=0.0, high=0.02), factor=False)
+    d = stage(parameters=(delay,))
+    found = export_room.campaign_dataset(run_campaign(d, 2, 1))
+    assert found["drawn.autopilot.delay"].attrs == {"units": "s", "long_name": "value drawn for autopilot.delay"}
 
 
 def test_both_formats_hold_the_same(partial_campaign, tmp_path):

@@ -278,7 +278,7 @@ def test_a_missing_value_and_a_link_to_another_file_are_refused(folder):
         ("flight.toml", '= "m"', '= "mass"', 2, "is not in the file"),
         ("flight.toml", '"vehicle.mass"', '"vehicle.mas"', 9, 'has no quantity "mas"'),
         ("flight.toml", '"vehicle.mass"', '"tank.LH2.slosh_mass"', 9, "names no tank of the case"),
-        ("flight.toml", '"vehicle.mass"', '"autopilot.filter"', 9, '"filter" follows no schedule'),
+        ("flight.toml", '"vehicle.mass"', '"autopilot.filter"', 9, "names a filter, and the case has none"),
         ("flight.toml", '"linear"', '"cubic"', 6, "must be linear or pchip"),
         ("flight.toml", 'interpolation = "linear"\n', "", 3, "is missing"),
         ("flight.toml", 'end = "20 s"', 'end = "25 s"', 22, "lies before the end of the phase before, 25 s"),
@@ -301,6 +301,16 @@ def test_a_fault_is_told_with_its_row(folder, file, old, new, line, rule):
     told = [problem for problem in problems if rule in problem.rule]
     assert told, [str(problem) for problem in problems]
     assert told[0].line == line, str(told[0])
+
+
+@pytest.mark.parametrize("step", ['step = "0 s"', "step = 5", ""])
+def test_a_phase_whose_times_are_wrong_still_uses_its_table(folder, step):
+    text = FLIGHT.replace('step = "5 s"', step)
+    (folder / "flight.toml").write_text(text[: text.index('[[phase]]\nname = "second"')])
+    with pytest.raises(InputError) as caught:
+        read_flight(folder / "flight.toml")
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("step")
 
 
 def test_every_fault_is_told_at_once_and_nothing_is_guessed(folder):

@@ -1,5 +1,7 @@
 """The figures over flight time show the numbers of the assessment and say its message."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,6 @@ def test_growth_across_an_event_shows_both_amplitudes_that_it_can_leave(tmp_path
     said = ax.get_title(loc="left").replace("\n", " ")
     assert f"grows from 0.05 to {np.max(check.growth.amplitude):.3g} m" in said
     assert "two" in [text.get_text() for text in ax.texts]
+    assert f"simulation differs by {100.0 * check.worst:.2g} % at most" in said
+    far = plot_growth_check(replace(check, simulated=8.2 * check.predicted)).get_title(loc="left")
+    assert "simulation differs by 7.2 times the prediction at most" in far.replace("\n", " ")

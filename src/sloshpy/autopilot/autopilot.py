@@ -11,12 +11,14 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from sloshpy.autopilot.coefficients import alike, each
 from sloshpy.units import Array, BoolArray, Quantity, Real, refusal
 
 _CONFIG = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
 
-_Coefficients = tuple[Annotated[float, Quantity("1", "", "coefficient")], ...]
+_Coefficients = tuple[Annotated[Real, Quantity("1", "", "coefficient")], ...]
+_Fixed = tuple[Annotated[float, Quantity("1", "", "coefficient")], ...]
 _TWO_FORMS = "an actuator has frequency and damping, or numerator and denominator"
 DIGITAL_ROUNDING = 1e-6  # a pole this near the unit circle is one on it
 ROUNDING = 1e-12  # a root this near the imaginary axis, relative to its size, is one on it
@@ -30,12 +32,12 @@ class Actuator(BaseModel):
 
     model_config = _CONFIG
 
-    frequency: Annotated[float, Quantity("rad/s", "w_a", "natural frequency", above=0.0)] | None = None
-    damping: Annotated[float, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)] | None = Field(
+    frequency: Annotated[Real, Quantity("rad/s", "w_a", "natural frequency", above=0.0)] | None = None
+    damping: Annotated[Real, Quantity("1", "zeta_a", "damping ratio", above=0.0, most=10.0)] | None = Field(
         default=None, validate_default=True
     )
     deflection_limit: Annotated[float, Quantity("rad", "", "largest engine angle", above=0.0)] | None = None
-    rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0)] | None = None
+    rate_limit: Annotated[float, Quantity("rad/s", "", "largest engine rate", above=0.0, rate=True)] | None = None
     deadband: (
         Annotated[float, Quantity("rad", "", "half width of the command's dead band about zero", above=0.0)] | None
     ) = None
@@ -46,7 +48,7 @@ class Actuator(BaseModel):
 
     @field_validator("damping")
     @classmethod
-    def _whole_form(cls, value: float | None, info: ValidationInfo) -> float | None:
+    def _whole_form(cls, value: Real | None, info: ValidationInfo) -> Real | None:
         if value is None and info.data.get("frequency") is not None:
             raise refusal((), "is missing", "add damping = 0.7")
         if value is not None and info.data.get("frequency", value) is None:
@@ -55,7 +57,7 @@ class Actuator(BaseModel):
 
     @field_validator("numerator", "denominator")
     @classmethod
-    def _leading_coefficient(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    def _leading_coefficient(cls, value: tuple[Real, ...] | None) -> tuple[Real, ...] | None:
         return None if value is None else _led(value)
 
     @model_validator(mode="after")
@@ -77,7 +79,7 @@ class Actuator(BaseModel):
         top, bottom = self.fraction
         if len(top) > len(bottom):
             raise refusal(("numerator",), "has more coefficients than the denominator", "an actuator must be proper")
-        roots = np.roots(bottom)
+        roots = np.concatenate([np.roots(c) for c in each(bottom)])
         if np.any(roots.real >= -ROUNDING * np.abs(roots)):
             worst = roots[np.argmax(roots.real)] + 0.0  # no -0
             place = (
@@ -104,15 +106,15 @@ class Actuator(BaseModel):
 
     @property
     def fraction(self) -> tuple[Array, Array]:
-        """Numerator and denominator in descending powers of s."""
+        """Numerator and denominator in descending powers of s, (k, ...) with the batch's axes behind."""
         if self.numerator is not None and self.denominator is not None:
-            return np.array(self.numerator), np.array(self.denominator)
-        w, zeta = self.frequency or 0.0, self.damping or 0.0  # one form is whole
-        return np.array([w**2]), np.array([1.0, 2.0 * zeta * w, w**2])
+            return alike(self.numerator, self.denominator)
+        w, zeta = np.asarray(self.frequency, dtype=float), np.asarray(self.damping, dtype=float)  # one form is whole
+        return alike((w**2,), (1.0, 2.0 * zeta * w, w**2))
 
 
 class Filter(BaseModel):
-    """A transfer function, coefficients in descending powers of s."""
+    """A transfer function, coefficients in descending powers of s; each may carry the batch's axes."""
 
     model_config = _CONFIG
 
@@ -121,7 +123,7 @@ class Filter(BaseModel):
 
     @field_validator("numerator", "denominator")
     @classmethod
-    def _leading_coefficient(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+    def _leading_coefficient(cls, value: tuple[Real, ...]) -> tuple[Real, ...]:
         return _led(value)
 
     @model_validator(mode="after")
@@ -130,19 +132,25 @@ class Filter(BaseModel):
             raise refusal(("numerator",), "has more coefficients than the denominator", "a filter must be proper")
         return self
 
+    @property
+    def fraction(self) -> tuple[Array, Array]:
+        """Numerator and denominator in descending powers of s, (k, ...) with the batch's axes behind."""
+        return alike(self.numerator, self.denominator)
+
 
 class DigitalFilter(BaseModel):
     """A pulse transfer function, coefficients in descending powers of z: poles inside the unit circle, or one at 1."""
 
     model_config = _CONFIG
 
-    numerator: _Coefficients = Field(min_length=1)
-    denominator: _Coefficients = Field(min_length=1)
+    numerator: _Fixed = Field(min_length=1)
+    denominator: _Fixed = Field(min_length=1)
 
     @field_validator("numerator", "denominator")
     @classmethod
     def _leading_coefficient(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        return _led(value)
+        _led(value)
+        return value
 
     @model_validator(mode="after")
     def _causal_and_stable(self) -> Self:
@@ -164,8 +172,8 @@ class DigitalFilter(BaseModel):
         return int(np.sum(np.abs(np.roots(self.denominator) - 1.0) < DIGITAL_ROUNDING))
 
 
-def _led(coefficients: tuple[float, ...]) -> tuple[float, ...]:
-    if coefficients[0] == 0.0:
+def _led(coefficients: tuple[Real, ...]) -> tuple[Real, ...]:
+    if np.any(np.asarray(coefficients[0]) == 0.0):
         raise refusal((), "must not start with 0", "drop the leading zeros")
     return coefficients
 

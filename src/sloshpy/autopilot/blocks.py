@@ -24,27 +24,52 @@ class Block:
 
 
 def filter_block(filter_: Filter) -> Block:
-    """Return a filter in controllable canonical form."""
-    return _rational("filter", np.array(filter_.numerator), np.array(filter_.denominator))
+    """Return a filter as integrators that all run at its own frequency, see `rational_block`."""
+    return rational_block("filter", *filter_.fraction)
 
 
 def actuator_block(actuator: Actuator) -> Block:
-    """Return an actuator, without its limits, in controllable canonical form."""
-    return _rational("actuator", *actuator.fraction)
+    """Return an actuator without its limits; one of the second order has angle and rate for states."""
+    if actuator.frequency is None:
+        return rational_block("actuator", *actuator.fraction)
+    (square,), (_, lag, _) = actuator.fraction
+    zero, one = np.zeros_like(square), np.ones_like(square)
+    A = np.stack([np.stack([zero, one], axis=-1), np.stack([-square, -lag], axis=-1)], axis=-2)
+    return Block(
+        kind="actuator",
+        A=A,
+        B=np.stack([zero, square], axis=-1),
+        C=np.stack([one, zero], axis=-1),
+        D=zero,
+    )
 
 
-def _rational(kind: str, numerator: Array, denominator: Array) -> Block:
-    """Return a fraction in controllable canonical form, its frequency scaled so that the entries are of one size."""
+def rational_block(kind: str, numerator: Array, denominator: Array) -> Block:
+    """Return fractions (k, ...) in the controllable canonical form of s/w: x' = w (A x + B u), y = C x + D u.
+
+    w = |a_n / a_0|^(1/n) of the denominator a_0 s^n + ... + a_n, the mean frequency of its poles (of those not at the
+    origin), so that the entries are of one size. Where coefficients move with time this is the realisation meant: a
+    lag is tau y' = u - y, and a filter whose frequency alone moves is a fixed one on a clock that runs at w(t).
+    """
     b, a = numerator / denominator[0], denominator / denominator[0]
-    k = len(a) - 1
-    b = np.concatenate([np.zeros(len(a) - len(b)), b])
-    w = max((abs(a[i]) ** (1.0 / i) for i in range(1, k + 1)), default=1.0) or 1.0
-    scale = w ** -np.arange(k + 1.0)
-    b, a = b * scale, a * scale  # in s/w
-    A = np.zeros((k, k))
+    k, batch = len(a) - 1, a.shape[1:]
+    b = np.concatenate([np.zeros((len(a) - len(b), *batch)), b])
+    w = np.zeros(batch)
+    for i in range(k, 0, -1):
+        w = np.where(w == 0.0, np.abs(a[i]) ** (1.0 / i), w)
+    w = np.where(w == 0.0, 1.0, w)
+    scale = w ** -np.arange(k + 1.0).reshape(-1, *[1] * len(batch))
+    b, a = np.moveaxis(b * scale, 0, -1), np.moveaxis(a * scale, 0, -1)  # in s/w
+    A = np.zeros((*batch, k, k))
     if k:
-        A[0], A[1:, :-1] = -a[1:], np.eye(k - 1)
-    return Block(kind=kind, A=w * A, B=w * np.eye(k)[:, 0] if k else np.zeros(0), C=b[1:] - b[0] * a[1:], D=b[0])
+        A[..., 0, :], A[..., 1:, :-1] = -a[..., 1:], np.eye(k - 1)
+    return Block(
+        kind=kind,
+        A=w[..., None, None] * A,
+        B=w[..., None] * (np.eye(k)[:, 0] if k else np.zeros(0)),
+        C=b[..., 1:] - b[..., :1] * a[..., 1:],
+        D=b[..., 0],
+    )
 
 
 def delay_block(delay: Array, order: int = PADE_ORDER) -> Block:

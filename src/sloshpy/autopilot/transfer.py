@@ -7,6 +7,7 @@ above half the sampling frequency into the loop is not here (see `dynamics.sampl
 import numpy as np
 
 from sloshpy.autopilot.autopilot import Autopilot
+from sloshpy.autopilot.coefficients import derivative
 from sloshpy.units import Array, ComplexArray
 
 
@@ -14,7 +15,7 @@ def forward_fraction(autopilot: Autopilot, s: ComplexArray) -> tuple[ComplexArra
     """Return numerator and denominator of beta over (a0 phi + a1 phi') at s, and their derivatives by s.
 
     The delay is exact, exp(-s tau), and counted in the numerator, so that both are entire functions of s.
-    `s` broadcasts with the autopilot's gain and delay.
+    `s` broadcasts with the autopilot's gain, delay and coefficients.
 
     Returns:
         n, d, dn/ds, dd/ds, each of the shape of s.
@@ -23,8 +24,8 @@ def forward_fraction(autopilot: Autopilot, s: ComplexArray) -> tuple[ComplexArra
     n = autopilot.gain * np.exp(-s * tau)
     d, dn, dd = np.ones_like(n), -tau * n, np.zeros_like(n)
     for top, bottom in _fractions(autopilot):
-        nf, dnf = np.polyval(top, s), np.polyval(np.polyder(top), s)
-        df, ddf = np.polyval(bottom, s), np.polyval(np.polyder(bottom), s)
+        nf, dnf = np.polyval(top, s), np.polyval(derivative(top), s)
+        df, ddf = np.polyval(bottom, s), np.polyval(derivative(bottom), s)
         n, dn = n * nf, dn * nf + n * dnf
         d, dd = d * df, dd * df + d * ddf
     if T is not None:
@@ -72,8 +73,11 @@ def pulse_fractions(autopilot: Autopilot) -> list[tuple[Array, Array]]:
 
 
 def _fractions(autopilot: Autopilot) -> list[tuple[Array, Array]]:
-    """Return filters and actuator, scaled by the denominator's largest coefficient, which leaves a fraction alone."""
-    fractions = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
+    """Return filters and actuator, scaled by the denominator's largest coefficient, which leaves a fraction alone.
+
+    Each (k, ...), with the batch's axes behind.
+    """
+    fractions = [f.fraction for f in autopilot.filter]
     if autopilot.actuator is not None:
         fractions.append(autopilot.actuator.fraction)
-    return [(top / (size := np.max(np.abs(bottom))), bottom / size) for top, bottom in fractions]
+    return [(top / (size := np.max(np.abs(bottom), axis=0)), bottom / size) for top, bottom in fractions]

@@ -28,7 +28,7 @@ from sloshpy.dispersion import (
     run_campaign,
     write_campaign,
 )
-from sloshpy.dispersion.campaign import Watch, holds_campaign
+from sloshpy.dispersion.campaign import Watch, holds_campaign, lacking
 from sloshpy.dispersion.columns import columns_of
 from sloshpy.dispersion.dispersion import drawn
 from sloshpy.dispersion.export import check_export
@@ -165,10 +165,10 @@ def _one(read: Dispersion, case: int, seed: int | None, store: Path | None, json
     if case < 0:
         raise refused("--case", case, "must be >= 0", "cases are numbered from 0")
     row, draws = rerun(read, seed, case), drawn(read, seed, case, 1)[0]
-    same = None
+    same, missing = None, ""
     if store is not None:
-        campaign = read_campaign(read, store, partial=True)
-        if case < campaign.count and campaign.done[case]:
+        campaign, missing = read_campaign(read, store, partial=True), lacking(read, store, case)
+        if not missing:
             same = bool(
                 np.array_equal(campaign.values[case], row.values[0], equal_nan=True)
                 and campaign.status[case] == row.status[0]
@@ -180,14 +180,22 @@ def _one(read: Dispersion, case: int, seed: int | None, store: Path | None, json
         numbers = {c.name: float(v) if np.isfinite(v) else str(v) for c, v in zip(columns, values, strict=True)}
         inputs = dict(zip(read.inputs, map(float, draws), strict=True))
         told = {"case": case, "seed": str(seed), "draws": inputs, "answers": numbers}
-        print(json_text.dumps(told | {"status": status, "reason": row.reasons[0], "same": same}, indent=1))
+        told |= {"status": status, "reason": row.reasons[0], "same": same}
+        print(json_text.dumps(told | ({"not_compared": missing} if missing else {}), indent=1))
     else:
-        print(f"case {case} of seed {seed}: {status} {row.reasons[0]}".rstrip())
+        print(f"case {case} of seed {seed}: {_fate(status, row.reasons[0])}")
         print("\n".join(f"  {name:32s} {x:.10g}" for name, x in zip(read.inputs, draws, strict=True)))
         print("\n".join(f"  {c.name:32s} {x:.10g} {c.unit}" for c, x in zip(columns, values, strict=True)))
         if same is not None:
             print("the same bits as in the store" if same else "NOT the same as in the store")
-    return 1 if same is False else 0
+        if missing:
+            print(f"NOT compared with the store: {missing}")
+    return 1 if same is False or missing.endswith("damaged") else 0
+
+
+def _fate(status: str, reason: str) -> str:
+    """Return what became of a case; a reason that says it already stands alone."""
+    return reason if reason.startswith(status) else f"{status} {reason}".rstrip()
 
 
 class _Rate(ProgressColumn):

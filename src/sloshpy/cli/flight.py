@@ -36,7 +36,9 @@ def flight(
     requirement: Annotated[
         Path | None, Parameter(help="write the damping required of each tank, NAME-TANK.csv, .xlsx or .nc")
     ] = None,
-    every: Annotated[int, Parameter(help="limit cycles at every so many times, and at the ends of each phase")] = 1,
+    every: Annotated[
+        int | None, Parameter(help="limit cycles at every so many times, and at the ends of each phase; default: all")
+    ] = None,
     report: Annotated[Path | None, Parameter(help="write a self-contained HTML report")] = None,
     json: Annotated[bool, Parameter(negative="", help="print one JSON object in SI units")] = False,
     workers: Annotated[int | None, Parameter(help="processes; default: the cores of this machine")] = None,
@@ -46,7 +48,10 @@ def flight(
     Exit status: 0 the criteria are met, 1 one is not (or no verdict is supported, or --linear asks for none), 2 the
     input was refused, 130 interrupted.
     """
-    if every < 1:
+    if every is not None and linear:
+        rule = "is how often limit cycles are sought, and --linear leaves them out"
+        raise refused("--every", every, rule, "leave one of them out; a longer step in the phases takes fewer times")
+    if every is not None and every < 1:
         raise refused("--every", every, "must be 1 or more", "leave it out for every time")
     count = len(os.sched_getaffinity(0)) if workers is None else workers
     if not 1 <= count <= 512:
@@ -58,7 +63,7 @@ def flight(
     if requirement is not None:
         writable(file, requirement, {".csv", ".xlsx", ".nc"})
     try:
-        result = assessed(read_flight(file), 0 if linear else every, count)
+        result = assessed(read_flight(file), 0 if linear else every or 1, count)
     except KeyboardInterrupt:
         print("interrupted: nothing is written", file=sys.stderr)
         return 130

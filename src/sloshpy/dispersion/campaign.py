@@ -166,6 +166,13 @@ def read_campaign(dispersion: Dispersion, folder: str | os.PathLike[str], partia
     return found
 
 
+def lacking(dispersion: Dispersion, folder: str | os.PathLike[str], case: int) -> str:
+    """Return why a store has no row of a case, in words; "" where it has one. A store as of `read_campaign`."""
+    header = read_header(Path(folder))
+    layout = layout_of(dispersion, int(header["cases"]), int(header["seed"]))
+    return Store(folder=Path(folder), header=header, layout=layout).lacking(case)
+
+
 def rerun(dispersion: Dispersion, seed: int, case: int) -> Rows:
     """Return the row of one case by its number, bit for bit the one of a campaign."""
     _checked(dispersion, case + 1, seed)

@@ -3,13 +3,16 @@
 import importlib.util
 import os
 import shutil
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sloshpy.dispersion.campaign import Campaign
+from sloshpy.dispersion.dispersion import Dispersion, Parameter
 from sloshpy.dispersion.rows import Status
+from sloshpy.dispersion.varied import find_input, stands_in
 from sloshpy.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -27,10 +30,10 @@ def campaign_dataset(campaign: Campaign) -> "xr.Dataset":
     }
     draws = campaign.draws()
     for k, p in enumerate(d.parameters):
-        data[f"drawn.{p.input}"] = ("case", draws[:, k], {"long_name": "factor" if p.factor else "value, SI"})
+        data[f"drawn.{p.input}"] = ("case", draws[:, k], _drawn_attributes(d, p))
     codes = ", ".join(f"{s.value} {s.name.lower()}" for s in Status)
     data["status"] = ("case", np.where(campaign.done, campaign.status, -1).astype(np.int8), {"long_name": codes})
-    data["completed"] = ("case", campaign.done.astype(np.int8))
+    data["completed"] = ("case", campaign.done.astype(np.int8), {"long_name": "1 where the case is done"})
     done = int(np.sum(campaign.done))
     attributes = {
         "name": d.name,
@@ -39,6 +42,17 @@ def campaign_dataset(campaign: Campaign) -> "xr.Dataset":
         "digest": campaign.digest,
     }
     return xr.Dataset(data, coords={"case": np.arange(campaign.count)}, attrs=attributes)
+
+
+def _drawn_attributes(dispersion: Dispersion, parameter: Parameter) -> dict[str, str]:
+    """Return unit and meaning of what was drawn for an input: a factor of the case's value, or the value in SI."""
+    if parameter.factor:
+        return {"units": "1", "long_name": f"factor drawn for {parameter.input}"}
+    cases = [case for case in dispersion.cases if stands_in(case, parameter.input)]
+    quantity = find_input(cases[0], parameter.input).quantity
+    assert quantity is not None  # what has none is varied by a factor only
+    unit = "1" if quantity.unit == "dB" else quantity.unit  # an amplitude ratio inside
+    return {"units": unit, "long_name": f"value drawn for {parameter.input}"}
 
 
 SUFFIXES = (".nc", ".zarr")
@@ -94,7 +108,10 @@ def _write_zarr(dataset: "xr.Dataset", path: Path) -> None:
         }
         for name in dataset.data_vars
     }
-    dataset.to_zarr(path, mode="w-", zarr_format=3, consolidated=False, write_empty_chunks=True, encoding=encoding)
+    with warnings.catch_warnings():
+        # consolidated, or xarray warns whoever opens it; readers that do not know it read the arrays' own metadata
+        warnings.filterwarnings("ignore", "Consolidated metadata is currently not part")
+        dataset.to_zarr(path, mode="w-", zarr_format=3, consolidated=True, write_empty_chunks=True, encoding=encoding)
 
 
 def _refused(path: Path, rule: str, cure: str) -> InputError:

@@ -86,6 +86,17 @@ class Store:
         rows = decoded(data, number, self.header["campaign"])
         return rows if rows is not None and rows.sound(first, count, len(self.layout.columns)) else None
 
+    def lacking(self, case: int) -> str:
+        """Return why there is no row of a case, in words; "" where there is one."""
+        if case >= self.layout.cases:
+            return f"the store ends with case {self.layout.cases - 1}"
+        number = case // self.layout.block
+        first, count = self.layout.span(number)
+        if self.read(number) is not None:
+            return ""
+        what = "damaged" if self.path(number).exists() else "not there yet"
+        return f"{self.path(number).name}, cases {first} to {first + count - 1}, is {what}"
+
     def done(self) -> list[int]:
         """Return the numbers of the blocks that are there, by reading each."""
         return [number for number in self.layout.numbers if self.read(number) is not None]

@@ -32,7 +32,7 @@ RUN = {  # of a nonlinear campaign, not of the case
     "gust_start": Quantity("s", least=0.0, most=1e5),
     "gust_duration": Quantity("s", above=0.0, most=1e5),
 }
-_LAGS = {"actuator", "filter"}  # of the autopilot, which carry no axes: such cases are asked one by one
+_LAGS = {"actuator", "filter"}  # of the autopilot: such cases are asked one by one
 _SCALE = Quantity("1", meaning="of every pole and zero", above=0.0)
 _ALONE = {"radius"}  # carry axes, but change no answer of a campaign
 

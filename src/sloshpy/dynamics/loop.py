@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 
 from sloshpy.autopilot import Autopilot
+from sloshpy.autopilot.coefficients import axes, mapped
 from sloshpy.case import Case, accelerometer_fault
 from sloshpy.damping import small_amplitude_ratio
 from sloshpy.dynamics.plant import Plant, plant, without_drift
 from sloshpy.errors import OutsideValidity
 from sloshpy.units import Array, IntArray, Real
-
-# numbers of the autopilot that may carry leading axes
-_NUMBERS = ("attitude_gain", "rate_gain", "accelerometer_gain", "drift_gain", "drift_rate_gain", "gain", "delay")
 
 # arrays of the plant and how many of their axes are not the batch's
 _ARRAYS = {
@@ -34,7 +32,8 @@ _ARRAYS = {
 class Loop:
     """One loop, or a batch of loops whose leading axes broadcast.
 
-    plant: without drift. autopilot: gains may carry the batch's axes. damping: (..., n_tanks), slosh damping ratios.
+    plant: without drift. autopilot: its numbers may carry the batch's axes. damping: (..., n_tanks), slosh damping
+    ratios.
     """
 
     plant: Plant
@@ -44,18 +43,13 @@ class Loop:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch, () for one loop."""
-        a = self.autopilot
-        return np.broadcast_shapes(
-            self.plant.mass.shape[:-2],
-            self.damping.shape[:-1],
-            *(np.shape(getattr(a, name)) for name in _NUMBERS),
-        )
+        return np.broadcast_shapes(self.plant.mass.shape[:-2], self.damping.shape[:-1], *axes(self.autopilot))
 
     def others(self, depth: int) -> list[tuple[int, ...]]:
         """Return the batch shapes of all but the slosh damping, those of fewer axes than `depth` as ()."""
-        p, a = self.plant, self.autopilot
+        p = self.plant
         shapes = [x.shape[: x.ndim - own] for k, own in _ARRAYS.items() if (x := getattr(p, k)) is not None]
-        shapes += [np.shape(getattr(a, name)) for name in _NUMBERS]
+        shapes += axes(self.autopilot)
         return [shape if len(shape) == depth else () for shape in shapes]
 
     def along(self) -> "Loop":
@@ -82,13 +76,10 @@ class Loop:
 
         What has no batch axes is left as it is: one plant and autopilot at many dampings are copied by nobody.
         """
-        p, a = self.plant, self.autopilot
-        gains = {k: x for k in _NUMBERS if (x := np.asarray(getattr(a, k))).ndim}
+        p, a = self.plant, mapped(self.autopilot, lambda x: np.asarray(change(x, 0)))
         parts = {k: (x, own) for k, own in _ARRAYS.items() if (x := getattr(p, k)) is not None}
         if any(x.ndim > own for x, own in parts.values()):
             p = replace(p, **{k: change(x, own) for k, (x, own) in parts.items()})
-        if gains:
-            a = a.model_copy(update={k: change(x, 0) for k, x in gains.items()})
         return Loop(plant=p, autopilot=a, damping=change(self.damping, 1))
 
 

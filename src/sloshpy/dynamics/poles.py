@@ -193,6 +193,8 @@ def _named(loop: Loop, closed: bool) -> Poles:
     copies: set[int] = set()
     if "delay" in groups:
         start, values = values, polish(loop.along(), values, closed)
+        # a pair of the approximation's that falls on one real pole: the rounding's sign is no reason to drop it
+        values = np.where(np.abs(values.imag) < 1e-12 * np.abs(values), values.real, values)
         copies = _copies(values, np.abs(values - start))
     upper = [k for k in range(len(values)) if (values[k].imag >= 0.0 or np.isnan(values[k])) and k not in copies]
     room = {name: groups.count(name) for name in names}

@@ -24,7 +24,8 @@ from sloshpy.files.text_file import beside, read_text
 from sloshpy.files.toml_text import Found, in_file_order, once, parse_toml
 from sloshpy.files.wording import nearest, step_into, value_at
 from sloshpy.flight import FileUsed, Phase, Trajectory
-from sloshpy.flight.scheduled import NotScheduled, scheduled
+from sloshpy.flight.scheduled import scheduled
+from sloshpy.flight.scheduled_lag import NotScheduled
 from sloshpy.tank import Tank
 from sloshpy.units import Array, UnitError, parse
 
@@ -206,6 +207,8 @@ class _Reader:
                 self.refuse((*path, "name"), "is the name of another table too", "rename one")
             seen.add(name)
             users = [c for d, c in zip(declared, cases, strict=True) if d is not None and name in d.tables]
+            if not users and self._named_by_a_phase(name):
+                continue  # by one of which something else is wrong
             if not users:
                 self.refuse((*path, "name"), "is used by no phase", "name it in a phase's tables, or drop it")
                 continue
@@ -220,6 +223,10 @@ class _Reader:
                     self._faults_of((*path, "file"), InputError(*one_sided))
                 read[name] = found
         return read
+
+    def _named_by_a_phase(self, table: str) -> bool:
+        used = [one.get("tables") for one in self._list("phase") if isinstance(one, dict)]
+        return any(table in names for names in used if isinstance(names, list))
 
     def _table(
         self, path: Path, name: str, one: dict[str, Any], cases: list[Case], events: list[float]

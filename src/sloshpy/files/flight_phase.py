@@ -8,10 +8,12 @@ import numpy as np
 from sloshpy.case import Case
 from sloshpy.damping import AnyDamping
 from sloshpy.errors import InputError, Problem
+from sloshpy.files.flight_lag import Lag, lag_problems
 from sloshpy.files.flight_table import FlightTable, mass_problems
 from sloshpy.flight import Phase
 from sloshpy.flight.filled import Filled, filled
 from sloshpy.flight.scheduled import Steps, as_springs, first_fault, frequencies_follow, scheduled, with_schedules
+from sloshpy.flight.scheduled_lag import lag_values
 from sloshpy.tank import Fill
 from sloshpy.units import Array
 
@@ -32,11 +34,12 @@ class Declared:
 
 @dataclass
 class _Columns:
-    """What the tables give for one phase: arrays by place in the case, and fills by tank."""
+    """What the tables give for one phase: arrays by place in the case, fills by tank, columns of filters."""
 
     values: dict[Steps, Array] = field(default_factory=dict)
     fills: dict[int, tuple[FlightTable, str]] = field(default_factory=dict)
     given: dict[str, str] = field(default_factory=dict)  # key -> table
+    lags: list[Lag] = field(default_factory=list)  # of filters and actuator
     problems: list[Problem] = field(default_factory=list)
 
 
@@ -115,6 +118,7 @@ def _gathered(declared: Declared, case: Case, tables: Sequence[FlightTable]) -> 
                 found.problems.append(_of_phase(declared, rule, "leave one of them out"))
             found.given[key] = table.name
             _take(found, declared, case, table, key)
+    found.problems += [] if found.problems else lag_problems(declared.name, case, found.lags, declared.time)
     for j, (_, key) in found.fills.items():
         name = case.vehicle.tanks[j].name
         both = [
@@ -154,7 +158,13 @@ def _take(found: _Columns, declared: Declared, case: Case, table: FlightTable, k
         value = f"{table.values[key][k]:g}" + ("" if quantity.quantity.unit == "1" else f" {quantity.quantity.unit}")
         found.problems.append(table.problem(k, key, rule, cure, value))
         return
-    found.values[quantity.steps] = table.at(key, declared.time)
+    if quantity.steps[:2] in {("autopilot", "filter"), ("autopilot", "actuator")}:
+        found.lags.append((table, key, quantity.steps))
+    for place, values in lag_values(case.autopilot, quantity.steps, table.at(key, declared.time)).items():
+        if place in found.values:
+            rule = f"{key} stands beside another schedule of the same coefficient"
+            found.problems.append(_of_phase(declared, rule, "give a filter's frequency or its coefficients"))
+        found.values[place] = values
 
 
 def _drained(declared: Declared, table: FlightTable, key: str, acceleration: Array) -> Filled:

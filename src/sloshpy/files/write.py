@@ -3,6 +3,7 @@
 import math
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from sloshpy.case import Case, Criteria
 from sloshpy.damping import ConstantDamping, DampingLaw, PowerDamping, SumDamping, TableDamping
 from sloshpy.errors import InputError, Problem
 from sloshpy.files.tables import as_written
-from sloshpy.units import Quantity, decibel, parse
+from sloshpy.units import Quantity, Real, decibel, parse
 from sloshpy.vehicle import FlexibleMode, SloshMass, Vehicle
 
 
@@ -171,5 +172,5 @@ def _law(law: DampingLaw) -> str:
     raise TypeError(f"{type(law).__name__} has no form in a case file")
 
 
-def _list(values: "tuple[float, ...] | list[float]") -> str:
-    return "[" + ", ".join(map(_digits, values)) + "]"
+def _list(values: Sequence[Real]) -> str:
+    return "[" + ", ".join(_digits(float(x)) for x in values) + "]"

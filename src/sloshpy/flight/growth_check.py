@@ -10,7 +10,7 @@ from sloshpy.flight.growth_across import CarriedGrowth
 from sloshpy.flight.growth_along import FlightGrowth
 from sloshpy.flight.mode_state import mode_command, mode_state
 from sloshpy.flight.simulate_flight import simulate_flight
-from sloshpy.units import Array
+from sloshpy.units import Array, compared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +41,11 @@ class GrowthCheck:
 
     def __str__(self) -> str:
         end = f", {self.history.stopped}" if self.history.stopped else ""
+        apart = compared(self.worst, "the predicted amplitude")
         span = f"{self.least[-1]:.4g} to " if self.growth.carries else ""
         return (
             f"{self.growth}\n  simulated {self.simulated[-1]:.4g} m at {self.time[-1]:.2f} s, predicted "
-            f"{span}{self.predicted[-1]:.4g} m there; they differ by {100.0 * self.worst:.3g} % at most{end}"
+            f"{span}{self.predicted[-1]:.4g} m there; they differ by {apart} at most{end}"
         )
 
 

@@ -68,20 +68,11 @@ def mode_state(growth: FlightGrowth, angle: float = 0.0) -> Array:
         growth: of `growth_along`. angle: by how much it has swung on, rad; at 0 its own tank is at its peak.
     """
     phase, mode, t0 = growth.phase, growth.start, float(growth.time[0])
-    case, k = phase.at(t0), phase.place(t0)[0]
-    vectors = mode_vectors(phase.cases[k], mode, phase.tanks.index(growth.tank))
-    loop, groups = vectors.loop, system_matrix(vectors.loop)[1]
+    vectors = mode_vectors(phase.cases[phase.place(t0)[0]], mode, phase.tanks.index(growth.tank))
+    groups = system_matrix(vectors.loop)[1]
     r = float(growth.amplitude[0]) * np.exp(1j * angle) * vectors.right
-    plant = len(groups) - len(controller(loop)[1])
-    tail = list(range(plant, len(groups)))
-    parts = [r[:plant], r[[i for i in tail if groups[i].startswith("filter")]]]
-    actuator = case.autopilot.actuator
-    if actuator is not None and actuator.frequency is not None:
-        beta = controller(loop)[2] @ r[plant:]
-        parts.append(np.array([beta, vectors.pole * beta]))
-    elif actuator is not None:
-        parts.append(r[[i for i in tail if groups[i] == "actuator"]])
-    return np.asarray(np.concatenate(parts).real)
+    kept = [i for i, group in enumerate(groups) if group != "delay"]  # the simulation has a true line
+    return np.asarray(r[kept].real)
 
 
 def mode_command(growth: FlightGrowth, angle: float = 0.0) -> Callable[[float], float]:

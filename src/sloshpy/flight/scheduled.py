@@ -9,19 +9,12 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from sloshpy.case import Case
+from sloshpy.flight.scheduled_lag import NotScheduled, find_lag
 from sloshpy.units import Array, Quantity
 
 Steps = tuple[str | int, ...]
 _PARTS = ("vehicle", "tank", "autopilot", "aerodynamics", "engine", "flexible_mode")
 _STEADY = ("criteria", "actuator", "filter", "digital_filter", "sample_time", "damping")  # these switch by phase
-
-
-class NotScheduled(ValueError):
-    """A key leads to nothing that may follow a schedule; `rule` and `cure` say why and what does."""
-
-    def __init__(self, rule: str, cure: str) -> None:
-        self.rule, self.cure = rule, cure
-        super().__init__(f"{rule}. Cure: {cure}.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +52,9 @@ def scheduled(case: Case, key: str) -> Scheduled:
         NotScheduled: there is none, or it may not change within a phase.
     """
     head, _, rest = key.partition(".")
+    if head == "autopilot" and rest.split(".")[0] in {"filter", "actuator"}:
+        place, quantity = find_lag(case.autopilot, tuple(rest.split(".")))
+        return Scheduled(key=key, steps=place, quantity=quantity)
     if head not in _PARTS:
         raise NotScheduled("is no quantity of a case", f"it begins with one of {', '.join(_PARTS)}")
     steps: list[str | int] = ["autopilot"] if head == "autopilot" else ["vehicle"]
@@ -87,7 +83,6 @@ def _quantity(noun: Any, words: tuple[str, ...]) -> Quantity:
             noun = noun.get(word)
             continue
         if word in _STEADY and isinstance(noun, BaseModel) and word in type(noun).model_fields:
-            # what a filter with moving coefficients puts out depends on how it is realised, not on them alone
             raise NotScheduled(
                 f'"{word}" follows no schedule', "end the phase where it is switched, a case for each side"
             )

@@ -2,7 +2,8 @@
 
     x' = f(x; vehicle and autopilot at t)   and   z_j'' gains -(m_j'/m_j) z_j'
 
-M, I, c.g., thrust, stations, slosh masses and frequencies, gains, delay, damping laws change with time. Of the terms
+M, I, c.g., thrust, stations, slosh masses and frequencies, gains, delay, filters, actuator, damping laws change with
+time. A moving filter is realised as `autopilot.blocks` says: integrators at its own frequency. Of the terms
 that the change itself brings the slosh mass's own momentum (m_j z_j')' is kept, in every row where m_j z_j'' stands.
 Z'' is the lateral acceleration of the material at the c.g., and what leaves the vehicle takes its lateral velocity
 along: no M' term. Left out: the jet damping of the engine (it damps attitude), the flow in the feed lines, and the

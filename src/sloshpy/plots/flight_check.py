@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from sloshpy.flight import GrowthCheck
 from sloshpy.plots.flight_axes import TIME
 from sloshpy.plots.style import ALARM, GREY, SMALL, axes_or_new, finish, mark_line
+from sloshpy.units import compared
 
 
 def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
@@ -36,6 +37,7 @@ def plot_growth_check(check: GrowthCheck, ax: Axes | None = None) -> Axes:
         if k
         else f"dies down from {growth.amplitude[0]:.3g} to {growth.amplitude[-1]:.3g} m"
     )
-    message = f"{growth.tank} slosh {course}; simulation differs by {100.0 * check.worst:.2g} % at most"
+    apart = compared(check.worst, "the prediction", 2)
+    message = f"{growth.tank} slosh {course}; simulation differs by {apart} at most"
     finish(ax, message, TIME, "Slosh [m]")
     return ax

@@ -152,6 +152,10 @@ def _own_laws(phase: Phase) -> dict[str, str]:
 def _of_schedule(row: InputRow, scheduled: dict[str, str]) -> str:
     if row.key in scheduled:
         return scheduled[row.key].split(",")[0]
+    # a filter's coefficients by their own columns or by that of its frequency
+    by = [k for k in scheduled if k.startswith(f"{row.key}.s^") or k == f"{row.key.rpartition('.')[0]}.frequency"]
+    if row.course and by and row.key.endswith((".numerator", ".denominator")):
+        return ", ".join(dict.fromkeys(scheduled[k].split(",")[0] for k in by))
     tank, _, name = row.key.rpartition(".")
     if name in {"slosh_mass", "station", "frequency", "radius"} and {f"{tank}.fill", f"{tank}.depth"} & set(scheduled):
         return "tank file"

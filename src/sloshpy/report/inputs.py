@@ -70,14 +70,21 @@ def _rows(key: str, noun: BaseModel, given: dict[str, str]) -> Iterator[InputRow
                 meaning=(quantity.meaning if quantity else field.description) or "",
                 given=given.get(at, ""),
                 value=_shown(noun, name, value, quantity),
-                course=_along_time(noun, value) and not _steady(value),
+                course=any(_along_time(noun, x) and not _steady(x) for x in _items(value)),
             )
 
 
 def _shown(noun: BaseModel, name: str, value: Any, quantity: Quantity | None) -> str:
     if isinstance(noun, PowerDamping) and name == "slope":
         return _slope(noun)
+    if isinstance(value, tuple) and any(_along_time(noun, x) for x in value):  # coefficients in descending powers
+        each = [_shown(noun, name, x, quantity) for x in value]
+        return "; ".join(f"s^{len(value) - 1 - k}: {text}" for k, text in enumerate(each))
     return _course(value, quantity) if _along_time(noun, value) else _value(value, quantity)
+
+
+def _items(value: Any) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,)
 
 
 def _along_time(noun: BaseModel, value: Any) -> bool:

@@ -92,7 +92,7 @@ def level_envelopes(t_high: Array, high: Array, low: Array, count: IntArray) -> 
         (moving & ~(least > 0.0), lambda k: "no single oscillation"),
         (
             moving & ~(np.abs(10.0 * slope) <= LEVEL),
-            lambda k: f"the envelope changes by {100.0 * np.expm1(10.0 * slope[k]):+.3g} % in ten cycles; run longer",
+            lambda k: f"the envelope {_how_fast(10.0 * float(slope[k]))} in ten cycles; run longer",
         ),
         (
             moving & ~(spread <= SPREAD),
@@ -134,6 +134,13 @@ def _remaining(half: Array, size: Array) -> Array:
     first, second = means[1] - means[0], means[2] - means[1]
     away = np.where(np.abs(second) < np.abs(first), second**2 / np.abs(first - second) / size, np.inf)
     return np.where(np.abs(second) < 5e-5 * size, 0.0, away)  # nothing moves but sampling
+
+
+def _how_fast(logarithm: float) -> str:
+    """Return a change of size in words, in percent or, where it more than doubles, as how many times it is after."""
+    if logarithm > np.log(2.0):
+        return f"grows to {np.exp(logarithm):.3g} times its size"
+    return f"changes by {100.0 * np.expm1(logarithm):+.3g} %"
 
 
 def _how_far(away: float) -> str:

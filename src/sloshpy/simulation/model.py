@@ -231,7 +231,8 @@ class Model:
         assert a.frequency is not None
         assert a.damping is not None
         stop, fastest = self._limits
-        return actuator_motion(angle, rate, command, a.frequency, a.damping, stop, fastest, a.deadband or 0.0)
+        w, zeta = float(a.frequency), float(a.damping)
+        return actuator_motion(angle, rate, command, w, zeta, stop, fastest, a.deadband or 0.0)
 
 
 def constant(law: DampingLaw) -> bool:
@@ -243,8 +244,5 @@ def _engine(actuator: Actuator | None) -> tuple[Array, Array, Array, float]:
     """Return A, B, C, D from the command to the engine angle; a second-order actuator has angle and rate for states."""
     if actuator is None:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
-    if actuator.frequency is None:
-        block = actuator_block(actuator)
-        return block.A, block.B, block.C, float(block.D)
-    square, lag = actuator.fraction[0][0], actuator.fraction[1][1]
-    return np.array([[0.0, 1.0], [-square, -lag]]), np.array([0.0, square]), np.array([1.0, 0.0]), 0.0
+    block = actuator_block(actuator)
+    return block.A, block.B, block.C, float(block.D)

@@ -11,7 +11,7 @@ from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import Cycle, limit_cycles, predict_limit_cycle
 from sloshpy.simulation.envelope import CYCLES
 from sloshpy.simulation.simulate import TimeHistory, simulate
-from sloshpy.units import Array
+from sloshpy.units import Array, compared
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,7 +57,8 @@ class Verification:
             return "\n".join([*lines, f"  {self.reason}"])
         slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh.items())
         lines.append(f"  simulated at {self.omega / 2.0 / np.pi:.4f} Hz: {slosh}, engine {1e3 * self.tvc:.3f} mrad")
-        lines.append(f"  difference {100.0 * self.difference:.3f} %, other harmonics {100.0 * self.harmonics:.2f} %")
+        apart = compared(self.difference, "the simulated amplitude")
+        lines.append(f"  difference {apart}, other harmonics {100.0 * self.harmonics:.2f} %")
         return "\n".join(lines)
 
     def to_dataset(self) -> "xr.Dataset":

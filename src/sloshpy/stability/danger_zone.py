@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.autopilot import Autopilot, forward_transfer
+from sloshpy.autopilot.coefficients import each
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.characteristic import characteristic_matrix
@@ -136,7 +137,7 @@ def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
     """Return the lead of the PD gains less the lag of filters, delay and actuator at frequencies in rad/s, rad."""
     omega = np.asarray(omega, dtype=float)
     a0, a1 = np.asarray(autopilot.attitude_gain), np.asarray(autopilot.rate_gain)
-    parts = [(np.array(f.numerator), np.array(f.denominator)) for f in autopilot.filter]
+    parts = [f.fraction for f in autopilot.filter]
     parts += [autopilot.actuator.fraction] if autopilot.actuator is not None else []
     lag = sum(
         (_phase(bottom, omega) - _phase(top, omega) for top, bottom in parts), np.asarray(autopilot.dead_time) * omega
@@ -148,7 +149,13 @@ def phase_lead(autopilot: Autopilot, omega: Real) -> Array:
 
 
 def _phase(polynomial: Array, omega: Array) -> Array:
-    """Return the phase of a polynomial at j omega, continuous from omega = 0 on, of any order: each root by itself."""
+    """Return the phase of polynomials (k, ...) at j omega, continuous from omega = 0 on: each root by itself."""
+    if polynomial.ndim > 1:
+        shape = np.broadcast_shapes(polynomial.shape[1:], omega.shape)
+        own = np.stack([np.broadcast_to(c, shape) for c in polynomial])
+        at = np.broadcast_to(omega, shape).ravel()
+        found = [_phase(c, np.asarray(w)) for c, w in zip(each(own), at, strict=True)]
+        return np.array(found).reshape(shape)
     roots = np.roots(polynomial)
     still = np.prod(-roots[roots != 0.0]) * polynomial[0]  # what is left at omega = 0, real
     turned = [np.angle(1.0 - 1j * omega / r) if r != 0.0 else np.full(omega.shape, np.pi / 2.0) for r in roots]

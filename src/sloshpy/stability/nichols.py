@@ -259,7 +259,7 @@ def loop_zeros(loop: Loop) -> ComplexArray:
     zeros = _zeros(loop)
     order = 0 if np.any(loop.autopilot.accelerometer_gain) else 1 if np.all(_rated(loop)) else 2
     own = zeros[np.argsort(np.abs(zeros))[order:]]
-    tops = [np.array(f.numerator) for f in loop.autopilot.prompt.filter]
+    tops = [f.fraction[0] for f in loop.autopilot.prompt.filter]
     if loop.autopilot.actuator is not None:
         tops.append(loop.autopilot.actuator.fraction[0])
     return np.concatenate([own, *(np.roots(top) for top in tops)]).astype(complex)
