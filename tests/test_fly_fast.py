@@ -21,7 +21,13 @@ ENDS = PowerDamping(slope=0.01, largest_amplitude=0.2)
 FILTERED = {"late": (0.03, 0.05), "actuator": LIMITED}
 FELT = {"vehicle": {"accelerometer_station": 8.0}, "accelerometer_gain": 2e-3, "actuator": LIMITED}
 SWITCHED = (burn(filter=(SOFT,), **FILTERED), burn(12.0, 24.0, name="on", filter=(WIDE, SOFT), **FILTERED))
+_ALONG = np.linspace(0.0, 1.0, 5)
+MOVING = {
+    "filter": (SOFT.model_copy(update={"denominator": (1.0, 14.4 + 6.0 * _ALONG, 144.0)}),),
+    "actuator": LIMITED.model_copy(update={"frequency": 20.0 - 5.0 * _ALONG, "damping": 0.7 + 0.2 * _ALONG}),
+}
 FLIGHTS = {
+    "a filter and an actuator with limits that move": burn(late=(0.03, 0.05), **MOVING),
     "square law": burn(),
     "two tanks, moving delay": burn(late=(0.02, 0.06), more=(SECOND,)),
     "engine limits without a delay": burn(actuator=LIMITED),
