@@ -173,7 +173,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
     threshold = replace(loop, damping=damping)
     band = slosh_band(threshold, criteria, tank)  # step 3
-    if not band.size:
+    if not band.size or required.short(threshold, criteria):
         return _without(case, tank, required, None, _why_no_band(threshold, criteria, tank))
     omega = float(required.omega)
     w = float(mass.frequency)

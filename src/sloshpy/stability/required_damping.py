@@ -26,6 +26,7 @@ LEVELS = 41  # damping values scanned: 0, then up to 1 in steps of a quarter, be
 SMALL = 2  # coordinates of a plant whose response is a formula
 BLOCK = 19  # of them at a time, from above
 NARROW = 0.1  # of a resonance's relative width, which is about the damping: where a minimum is sought once more
+SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
 PROOF = 1e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
 
 
@@ -45,6 +46,15 @@ class RequiredDamping:
     omega: Array
     disc_margin: float
     source: Loop
+
+    def short(self, threshold: Loop, criteria: Criteria) -> bool:
+        """Whether one loop at its required damping still passes nearer than the disc margin at `omega`.
+
+        Then the minimum ends there or becomes another mode's; on which side of its end the damping lies is rounding.
+        """
+        L = transfer(threshold, np.array(1j * float(self.omega))).loop
+        margin = float(nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin))
+        return margin < self.disc_margin * (1.0 - SHORT)
 
     def __str__(self) -> str:
         if np.ndim(self.required):
