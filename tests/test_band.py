@@ -6,7 +6,6 @@ import pytest
 import oracle_flexible as second
 import oracle_verdict
 from cases import lawful_case, paper_case
-from sloshpy import assess
 from sloshpy.case import Criteria
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.files import read_case, write_example
@@ -15,29 +14,30 @@ from sloshpy.stability.nichols import sampled
 
 
 # 594: the peak is as narrow as 0.003 rad/s in a band of 1.8 rad/s; 1127: three tanks, of which one damps nothing
-@pytest.mark.parametrize("number", [594, 1127, 4])
-def test_the_engine_amplitude_is_found_between_poles_and_zeros_of_the_plant(number):
+@pytest.mark.parametrize(
+    ("number", "tank", "damping"),
+    [
+        (594, 0, [0.1]),
+        (1127, 0, [0.055, 0.0982, 0.0107]),
+        (1127, 1, [1.0, 0.03, 0.0107]),
+        (4, 1, [0.0083, 0.0037, 0.0019, 0.079]),
+    ],
+)
+def test_the_engine_amplitude_is_found_between_poles_and_zeros_of_the_plant(number, tank, damping):
     case = lawful_case(97, number)
-    found = assess(case)
-    checked = 0
-    for j, tank in enumerate(found.tanks):
-        cycle = tank.limit_cycle
-        if not cycle.band.size:
-            continue
-        loop = cycle.required.source
-        ratio = np.where(np.arange(len(found.tanks)) == j, float(cycle.required.required), loop.damping)
-        own = case.vehicle.tanks[j]
-        numerator = oracle_verdict.law_amplitude(own.damping, ratio[j]) * own.frequency
-        omega = np.concatenate([np.linspace(*interval, 200_001) for interval in cycle.band])
-        gain = np.abs(oracle_verdict.response(case, ratio, omega)[1][:, j])
-        tvc = numerator / omega / gain
-        assert cycle.tvc_amplitude == pytest.approx([tvc.min(), tvc.max()], rel=1e-4)
-        assert np.all(cycle.tvc_amplitude[0] <= tvc * (1.0 + 1e-12))
-        assert np.all(cycle.tvc_amplitude[1] >= tvc * (1.0 - 1e-12))
-        paper = numerator / own.frequency / gain
-        assert cycle.paper_tvc_amplitude == pytest.approx([paper.min(), paper.max()], rel=1e-4)
-        checked += 1
-    assert checked
+    loop = open_loop(case, np.array(damping))
+    band = slosh_band(loop, case.criteria, tank)
+    assert len(band) > 0
+    omega, found = engine_per_slosh(loop, tank, band)
+    dense = np.concatenate([np.linspace(*interval, 200_001) for interval in band])
+    wanted = 1.0 / np.abs(oracle_verdict.response(case, np.array(damping), dense)[1][:, tank])
+    for power in (0, 1):  # the paper's convention, and oscillation at its own frequency
+        one, other = found / omega**power, wanted / dense**power
+        assert [one.min(), one.max()] == pytest.approx([other.min(), other.max()], rel=1e-4)
+        assert one.min() <= other.min() * (1.0 + 1e-12)
+        assert one.max() >= other.max() * (1.0 - 1e-12)
+    near = oracle_verdict.distance(oracle_verdict.response(case, np.array(damping), dense)[0], case.criteria)
+    assert np.max(near) < case.criteria.limit_cycle_disc_margin * (1.0 + 1e-9)
 
 
 def test_poles_and_zeros_of_the_plant_are_those_of_the_second_implementation():
@@ -51,14 +51,6 @@ def test_poles_and_zeros_of_the_plant_are_those_of_the_second_implementation():
                 z = np.abs(second.solved(p, case.autopilot, beside)[1][:, j])
                 # at a pole far above, at a zero far below what it is a thousandth beside it
                 assert z[0] > 1e2 * z[3] or z[0] < 1e-2 * z[3], (number, j, s)
-
-
-def test_the_answer_says_where_a_zero_of_the_plant_sets_it():
-    found = assess(lawful_case(97, 1127))
-    cycle = found.tanks[0].limit_cycle
-    assert any("near a zero of the plant, at 0.2648 Hz" in reason for reason in cycle.reasons)
-    assert "to beyond 90 deg" in str(cycle)
-    assert "more than 90 deg of engine, > " in str(found)
 
 
 def test_a_band_that_reaches_down_to_rest_is_a_band():

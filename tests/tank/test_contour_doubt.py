@@ -140,15 +140,52 @@ def test_a_tip_stays_a_tip():
     assert wall[0].tangent(0.0)[0] < 0.1 * wall[0].tangent(0.0)[1]
 
 
-def test_a_round_wall_of_few_points_is_asked_for_more():
-    few = slosh_masses(tank(even_heights(8), 1.0))
-    told = [reason for reason in few.reasons if "edge of 22 deg at r = 0.6999 m, z = 0.2857 m" in reason]
-    assert len(told) == 1
-    assert "give it more points there" in told[0]
-    assert not any("edge" in reason for reason in slosh_masses(tank(even_heights(12), 1.0)).reasons)
-    # a cone below a dome: a third point on it says that it is one
-    t = np.linspace(0.0, 0.5 * np.pi, 9)
-    for below, edges in (([0.0], 1), ([0.0, 0.5], 0)):
-        z, r = np.append(below, 1.0 + 0.5 * np.sin(t)), np.append(below, [*np.cos(t)[:-1], 0.0])
-        drawn = slosh_masses(tank({"kind": "contour", "z": z.tolist(), "r": r.tolist()}, 0.9))
-        assert sum("edge of 45 deg" in reason for reason in drawn.reasons) == edges
+FEW = np.linspace(0.0, np.pi, 6)
+DOME = np.array([0.0, 0.4, 0.8, 1.2, 1.6])
+RISE = 1.1 * (1.0 - np.sqrt(1.0 - (DOME / 1.6) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("r", "z", "like", "fills"),
+    [
+        (np.append(np.sin(FEW)[:-1], 0.0), 1.0 - np.cos(FEW), SPHERE, [0.4, 1.0, 1.7]),
+        (
+            np.concatenate([DOME, DOME[::-1]]),
+            np.concatenate([RISE, 4.7 - RISE[::-1]]),
+            {"kind": "capsule", "radius": 1.6, "barrel": 2.5, "dome": 1.1},
+            [0.5, 1.0, 3.8],
+        ),
+        *[(np.array(even_heights(n)["r"]), np.array(even_heights(n)["z"]), SPHERE, [0.3, 1.0]) for n in (7, 8, 9)],
+    ],
+)
+def test_a_round_wall_of_few_points_is_asked_for_more_and_its_error_holds(r, z, like, fills):
+    for fill in fills:
+        found = slosh_masses(tank({"kind": "contour", "z": z.tolist(), "r": r.tolist()}, fill))
+        exact = slosh_masses(tank(like, fill))
+        assert any("the wall may be round where few points make edges" in reason for reason in found.reasons)
+        assert abs(found.frequency[0] / exact.frequency[0] - 1.0) <= found.error_estimate[0]
+        assert abs(found.slosh_mass[0] / exact.slosh_mass[0] - 1.0) <= found.error_estimate[0]
+        assert abs(found.rigid_lid_inertia / exact.rigid_lid_inertia - 1.0) <= found.rigid_lid_error
+
+
+def test_straight_parts_are_not_taken_for_round_ones():
+    r, z = np.array([0.0, 1.0, 1.6, 1.6]), np.array([0.0, 0.5, 1.3, 2.3])  # a bottom of two cones and a barrel
+    for more, cautions in (({}, 1), ({"straight": True}, 0)):
+        found = slosh_masses(tank({"kind": "contour", "z": z.tolist(), "r": r.tolist()} | more, 1.2))
+        assert sum("may be round" in reason for reason in found.reasons) == cautions
+        assert (found.error_estimate[0] < 1e-6) == (cautions == 0)
+    # a third point on each says the same
+    between = [x[[0, 1]] @ [0.5, 0.5] for x in (r, z)], [x[[1, 2]] @ [0.5, 0.5] for x in (r, z)]
+    r, z = (np.insert(x, [1, 2], [b[k] for b in between]) for k, x in enumerate((r, z)))
+    found = slosh_masses(tank({"kind": "contour", "z": z.tolist(), "r": r.tolist()}, 1.2))
+    assert not any("may be round" in reason for reason in found.reasons)
+    assert found.error_estimate[0] < 1e-6
+
+
+def test_cones_through_which_a_curve_is_laid_leave_room_for_the_cones():
+    slope = np.radians([20.0, 35.0, 50.0, 65.0, 80.0, 90.0])
+    r, z = (np.append(0.0, np.cumsum(0.6 * f(slope))) for f in (np.cos, np.sin))
+    points = {"kind": "contour", "z": z.tolist(), "r": r.tolist()}
+    round_, cones = (slosh_masses(tank(points | {"straight": s}, 1.29)) for s in (False, True))
+    assert abs(round_.slosh_mass[0] / cones.slosh_mass[0] - 1.0) > 0.02
+    assert abs(round_.slosh_mass[0] / cones.slosh_mass[0] - 1.0) < round_.error_estimate[0]

@@ -11,6 +11,9 @@ MOST_POINTS = 5000
 _GENTLE = np.radians(5.0)  # short lines that turn by less are one piece to the mesh
 _SHORT = 0.05  # of the wall's length
 _LEAST_RUN = 4  # segments: fewer make no curve, but straight lines with edges
+_FEWEST = 3  # segments that may be of a round wall all the same
+_ROUND = np.radians(50.0)  # as far as such a wall may turn at one point
+_STRAIGHT = 1e-7  # rad
 _MOST_PIECES = 40  # more of them are scatter
 _INTERVALS = 16  # of a curve along many points
 _NEAR = 5e-3  # of the tank's size
@@ -139,9 +142,47 @@ def curves_through(r: Array, z: Array) -> tuple[Piece, ...] | None:
     They may where the points are alike far apart and turn by less than 30 degrees, whatever their curvatures: those of
     rounded points scatter.
     """
-    points = list(zip(r.tolist(), z.tolist(), strict=True))
     turn, length = _turn(r, z), np.hypot(np.diff(r), np.diff(z))
-    joined = [abs(turn[k]) > 1e-7 and not _apart(float(turn[k]), length[k - 1 : k + 1]) for k in range(1, len(length))]
+    joined = [
+        abs(turn[k]) > _STRAIGHT and not _apart(float(turn[k]), length[k - 1 : k + 1]) for k in range(1, len(r) - 1)
+    ]
+    return _joined(r, z, joined, _LEAST_RUN)
+
+
+def rounded_through(r: Array, z: Array) -> tuple[Piece, ...] | None:
+    """Return the wall that few points of a round one mean: None where that is the wall as it is.
+
+    Three segments in a row or more that turn the same way by less than 50 degrees, their lengths within a factor of
+    three, none of which goes straight on at a third point.
+    """
+    turn, length = _turn(r, z), np.hypot(np.diff(r), np.diff(z))
+    level = np.abs(turn[1:-1]) < _STRAIGHT
+    straight = np.append(level, False) | np.append(False, level)
+    joined: list[bool] = []
+    for k in range(1, len(r) - 1):
+        same = k == 1 or not joined[-1] or turn[k] * turn[k - 1] > 0.0
+        alike = np.max(length[k - 1 : k + 1]) <= _ALIKE * np.min(length[k - 1 : k + 1])
+        joined.append(bool(same and alike and abs(turn[k]) < _ROUND and not straight[k - 1] and not straight[k]))
+    return _joined(r, z, joined, _FEWEST)
+
+
+def doubtful_edges(r: Array, z: Array) -> tuple[Array, Array]:
+    """Return radii and heights of the edges that `rounded_through` makes smooth, (k,) each."""
+    rounded = rounded_through(r, z)
+    if rounded is None:
+        return np.empty(0), np.empty(0)
+    size = float(np.max(r) + z[-1] - z[0])
+    edges, left = (
+        np.array([piece.point(0.0) for piece in wall[1:]]).reshape(-1, 2) for wall in (_exactly(r, z, False), rounded)
+    )
+    gone = [k for k, edge in enumerate(edges) if not np.any(np.hypot(*(left - edge).T) < 1e-9 * size)]
+    return edges[gone, 0], edges[gone, 1]
+
+
+def _joined(r: Array, z: Array, joined: list[bool], least: int) -> tuple[Piece, ...] | None:
+    """Return the wall with a curve through runs of at least so many joined segments; None if that adds no curve."""
+    points = list(zip(r.tolist(), z.tolist(), strict=True))
+    length = np.diff(z)
     known = sum(len(piece.knots) - 1 for piece in _exactly(r, z, straight=False) if isinstance(piece, Curve))
     pieces: list[Piece] = []
     k = 0
@@ -149,7 +190,7 @@ def curves_through(r: Array, z: Array) -> tuple[Piece, ...] | None:
         end = k + 1
         while end < len(length) and joined[end - 1]:
             end += 1
-        curve: Curve | Polygon | None = curve_through(points[k : end + 1]) if end - k >= _LEAST_RUN else None
+        curve: Curve | Polygon | None = curve_through(points[k : end + 1]) if end - k >= least else None
         while isinstance(curve, Curve) and not _rises(curve, _CLOSE):  # rounded points lead a curve back down a little
             curve = curve.coarse
         if isinstance(curve, Curve):

@@ -1,12 +1,12 @@
 """What the points of a contour leave open: the wall between them, and what rounding has taken from their digits."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sloshpy.errors import OutsideValidity
-from sloshpy.tank.contour import curves_through, pieces_through, scatters
+from sloshpy.tank.contour import curves_through, pieces_through, rounded_through, scatters
 from sloshpy.tank.eigen import change_of_fixed, change_of_modes, in_metres, solved
 from sloshpy.tank.liquid import LiquidSection, liquid_section
 from sloshpy.tank.mesh import SectionMesh, first_mesh
@@ -15,6 +15,7 @@ from sloshpy.tank.pieces import Curve
 from sloshpy.tank.shapes import Contour, Wall
 from sloshpy.units import Array
 
+_SHORT = 7  # points of a curve that may as well be straight lines between them
 _DRAWS = 4  # of roundings, each to its full extent, which is 1.7 times the standard deviation of a rounding
 # spheres of 8 to 120 points, exact and rounded to 1e-3, 1e-4 and 1e-5 of the radius, 5 to 95 % deep, ask for so much
 _CAUTION = 3.0
@@ -56,7 +57,8 @@ def doubt_of(shape: Contour, section: LiquidSection, modes: int, wanted: int) ->
 
     The modes are solved again, on one coarse mesh that moves with the wall: with a curve through half as many points;
     with a curve that need not be level on the axis; with a curve where the points bend like one and scatter too much to
-    be taken for it; and with the points moved by half of their last digit up or down, four times. Three times the sum
+    be taken for it, or where few points with edges may mean one; with straight lines in place of a curve through seven
+    points or less; and with the points moved by half of their last digit up or down, four times. Three times the sum
     of the greatest change between points and the greatest by rounding, 7.5 times for the fixed inertia, which is a
     difference. Points that stand for straight lines are taken at their word.
     """
@@ -112,19 +114,25 @@ def _between(shape: Contour) -> Iterator[Walls]:
     if shape.straight:
         return
     outer, inner = shape.outer, shape.inner
+    both = (shape.outer_points, shape.inner_points)
     if any(isinstance(piece, Curve) for piece in (*outer, *inner)):
         fewer = [tuple(p.coarse if isinstance(p, Curve) else p for p in wall) for wall in (outer, inner)]
         yield Walls(outer=fewer[0], inner=fewer[1])
     if any(isinstance(piece, Curve) and piece.free for piece in (*outer, *inner)):
         free = [tuple((isinstance(p, Curve) and p.free) or p for p in wall) for wall in (outer, inner)]
         yield Walls(outer=free[0], inner=free[1])
-    curved = _curved(shape)
-    if any(curved):
-        yield Walls(outer=curved[0] or outer, inner=curved[1] or inner)
+    for through in (curves_through, rounded_through):
+        curved = _curved(shape, through)
+        if any(curved):
+            yield Walls(outer=curved[0] or outer, inner=curved[1] or inner)
+    short = [any(isinstance(p, Curve) and len(p.knots) <= _SHORT for p in wall) for wall in (outer, inner)]
+    if any(short):
+        lines = [pieces_through(*points, straight=True) if points else () for points in both]
+        yield Walls(outer=lines[0] if short[0] else outer, inner=lines[1] if short[1] else inner)
 
 
-def _curved(shape: Contour) -> list[Wall | None]:
-    return [curves_through(*points) if points else None for points in (shape.outer_points, shape.inner_points)]
+def _curved(shape: Contour, through: Callable[[Array, Array], Wall | None] = curves_through) -> list[Wall | None]:
+    return [through(*points) if points else None for points in (shape.outer_points, shape.inner_points)]
 
 
 def _taken(points: tuple[Array, Array] | None, before: tuple[Array, Array] | None, straight: bool) -> Wall:

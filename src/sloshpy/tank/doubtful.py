@@ -1,13 +1,8 @@
 """What makes a tank's inputs doubtful: too little acceleration, a film of liquid, no propellant, a wall half round."""
 
-from itertools import pairwise
-
-import numpy as np
-
+from sloshpy.tank.contour import doubtful_edges
 from sloshpy.tank.liquid import LiquidSection
-from sloshpy.tank.pieces import Curve, Line
 from sloshpy.tank.shapes import Contour
-from sloshpy.units import Array
 
 # Of surface tension over density, m^3/s^2: hydrazine 6.7e-5 and water 7.3e-5, RP-1 3e-5, LH2 2.7e-5, LOX 1.2e-5.
 MOST_TENSION = 7e-5
@@ -15,8 +10,6 @@ MOST_TENSION = 7e-5
 LEAST_BOND = 100.0
 LIGHTEST, HEAVIEST = 70.0, 2000.0  # kg/m^3: liquid hydrogen has 70.8 at its boiling point
 _SHALLOW = 0.01  # of the surface's radius
-_SHARP = np.radians(60.0)  # an edge that turns by more is meant
-_GENTLE = np.radians(15.0)  # and one that turns by less costs little
 
 
 def doubts_about(density: float, acceleration: float, section: LiquidSection) -> list[str]:
@@ -46,29 +39,18 @@ def doubts_about(density: float, acceleration: float, section: LiquidSection) ->
     return found
 
 
-def doubtful_edges(shape: Contour) -> list[str]:
-    """Return cautions about edges between a line of two points and a curve that few points of a round wall make too."""
+def doubts_about_wall(shape: Contour) -> list[str]:
+    """Return a caution where few points with edges between them may be of a round wall."""
+    if shape.straight:
+        return []
     found = []
-    for points, wall in ((shape.outer_points, shape.outer), (shape.inner_points, shape.inner)):
-        given = set() if points is None else set(zip(*(x.tolist() for x in points), strict=True))
-        for low, high in pairwise(wall):
-            line = low if isinstance(low, Line) else high
-            if not isinstance(line, Line) or not isinstance(high if line is low else low, Curve):
-                continue
-            one, two = np.array(line.start), np.array(line.end)
-            between = [p for p in given if 0.0 < (p - one) @ (two - one) < (two - one) @ (two - one)]
-            if any(abs(_cross(two - one, p - one)) < 1e-9 * (two - one) @ (two - one) for p in between):
-                continue  # a third point says that it is straight
-            a, b = low.tangent(1.0), high.tangent(0.0)
-            turn = abs(float(np.arctan2(_cross(a, b), a @ b)))
-            if _GENTLE < turn < _SHARP:
-                r, z = high.point(0.0)
-                found.append(
-                    f"caution: the wall has an edge of {np.degrees(turn):.0f} deg at r = {r:.4g} m, z = {z:.4g} m, "
-                    "between a curve and a line of two points: where it is round, give it more points there"
-                )
+    for points in (shape.outer_points, shape.inner_points):
+        r, z = ((), ()) if points is None else doubtful_edges(*points)
+        if len(z):
+            where = "; ".join(f"r {a:.4g} m, z {b:.4g} m" for a, b in list(zip(r, z, strict=True))[:3])
+            more = f"; and {len(z) - 3} more" if len(z) > 3 else ""
+            found.append(
+                f"caution: the wall may be round where few points make edges ({where}{more}); the error holds what "
+                "that would change. Give more points there, or a third one on a straight part, or straight = true"
+            )
     return found
-
-
-def _cross(a: Array, b: Array) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])

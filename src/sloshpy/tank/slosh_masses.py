@@ -8,7 +8,7 @@ import numpy as np
 
 from sloshpy.tank.closed_form import flat_bottom
 from sloshpy.tank.contour_doubt import Doubt, doubt_of
-from sloshpy.tank.doubtful import doubtful_edges, doubts_about
+from sloshpy.tank.doubtful import doubts_about, doubts_about_wall
 from sloshpy.tank.eigen import TOLERANCE, modes_by_elements
 from sloshpy.tank.liquid import LiquidSection
 from sloshpy.tank.modal import Modal, fixed_part
@@ -93,7 +93,7 @@ class SloshModes:
         """What to know before the numbers are used."""
         found = doubts_about(self.tank.liquid.density, self.tank.acceleration, self.section)
         if isinstance(self.tank.shape, Contour):
-            found += doubtful_edges(self.tank.shape)
+            found += doubts_about_wall(self.tank.shape)
         if self.next_mass > _NOTICED * self.liquid_mass:
             share = 100.0 * self.next_mass / self.liquid_mass
             found.append(
