@@ -1,5 +1,7 @@
 """The slosh-related band and the engine amplitude over it, against dense grids of a second implementation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from cases import lawful_case, paper_case
 from sloshpy.case import Criteria
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.files import read_case, write_example
-from sloshpy.limit_cycle.band import engine_per_slosh, plant_features, slosh_band
+from sloshpy.limit_cycle import five_steps, predict_limit_cycle
+from sloshpy.limit_cycle.band import engine_per_slosh, inner_peak, plant_features, slosh_band
 from sloshpy.stability.nichols import sampled
 
 
@@ -71,3 +74,23 @@ def test_an_undamped_zero_leaves_no_bound(tmp_path):
     omega, ratio = engine_per_slosh(loop, 0, np.array([[0.97 * at, 1.02 * at]]))
     assert np.max(ratio) > 1e6 * np.median(ratio)
     assert np.all(np.diff(omega) > 0.0)
+
+
+def test_a_peak_inside_a_band_is_told_from_a_rise_towards_its_end():
+    band = np.array([[1.0, 2.0], [3.0, 4.0]])
+    omega = np.concatenate([np.linspace(*interval, 101) for interval in band])
+    assert inner_peak(omega, omega, band) is None
+    assert inner_peak(omega, 1.0 / np.abs(omega - 3.4 + 0.01j), band) == pytest.approx(3.4)
+    assert inner_peak(omega, 1.0 / np.abs(omega - 3.99 + 0.01j), band) is None  # as great at the end
+
+
+def test_the_answer_says_where_a_zero_of_the_plant_sets_it_and_that_no_small_angle_is_left():
+    one = predict_limit_cycle(paper_case())
+    reasons = five_steps._caution_of_zero(
+        "LOX", np.array([1.0, 1.5, 2.0]), np.array([1.0, 9.0, 2.0]), np.array([[1.0, 2.0]])
+    )
+    assert reasons[0].startswith(
+        "caution: its greatest engine angle is near a zero of the plant, at 0.2387 Hz, where LOX"
+    )
+    wide = replace(one, tvc_amplitude=np.array([0.02, 3.0]))
+    assert "20.000 to beyond 1571 mrad (1.146 to beyond 90 deg)" in wide.summary()
