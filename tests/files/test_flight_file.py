@@ -151,6 +151,51 @@ def test_a_pendulum_follows_the_acceleration_by_itself(folder):
     assert phase.at(2.5).vehicle.tanks[0].station == pytest.approx(9.0)
 
 
+@pytest.mark.parametrize(
+    ("field", "header", "pendulum"),
+    [
+        ("station", "x [m]", True),
+        ("frequency", "x [rad/s]", True),
+        ("hinge_station", "x [m]", False),
+        ("pendulum_length", "x [m]", False),
+    ],
+)
+def test_a_schedule_of_the_form_that_the_case_does_not_have_is_refused(folder, field, header, pendulum):
+    if pendulum:
+        other = 'hinge_station = "12 m"\npendulum_length = "3 m"'
+        (folder / "stage.toml").write_text(CASE.replace('station = "9 m"\nfrequency = "2 rad/s"', other))
+    (folder / "burns.csv").write_text(TABLE.replace("note", header).replace(",x,", ",8,").replace(",y,", ",7,"))
+    text = FLIGHT.replace('"vehicle.thrust" = "F"', f'"tank.LOX.{field}" = "x"')
+    (folder / "flight.toml").write_text(text)
+    with pytest.raises(InputError, match="is not how the case gives this tank, which is a") as caught:
+        read_flight(folder / "flight.toml")
+    assert len(caught.value.problems) == 1
+    assert ("hinge_station and pendulum_length" if pendulum else "station and frequency") in str(caught.value)
+
+
+def test_a_fill_of_a_pendulum_is_refused(folder):
+    other = 'hinge_station = "12 m"\npendulum_length = "3 m"'
+    (folder / "stage.toml").write_text(CASE.replace('station = "9 m"\nfrequency = "2 rad/s"', other))
+    text = FLIGHT.replace('"vehicle.thrust" = "F"', '"tank.LOX.fill" = { column = "F", tank_file = "lox.toml" }')
+    (folder / "flight.toml").write_text(text)
+    with pytest.raises(InputError, match="fills a tank that the case gives as a pendulum"):
+        read_flight(folder / "flight.toml")
+
+
+def test_two_schedules_of_one_slope_are_refused(folder):
+    air = '[aerodynamics]\nnormal_force_slope = "2e5 N"\ncenter_of_pressure = "9 m"\nspeed = "400 m/s"\n'
+    (folder / "stage.toml").write_text(CASE + air)
+    (folder / "burns.csv").write_text("t [s],q [kPa],k [N]\n0,10,1e5\n20,40,2e5\n20,40,2e5\n30,20,1e5\n")
+    columns = FLIGHT[FLIGHT.index('"vehicle.mass"') : FLIGHT.index("[[phase]]")]
+    mapped = '"aerodynamics.dynamic_pressure" = "q"\n', '"aerodynamics.normal_force_slope" = "k"\n'
+    for both in (mapped, mapped[::-1]):
+        text = FLIGHT.replace(columns, "".join(both))
+        text = text.replace("tables =", 'reference_dynamic_pressure = "20 kPa"\ntables =')
+        (folder / "flight.toml").write_text(text)
+        with pytest.raises(InputError, match="stands beside"):
+            read_flight(folder / "flight.toml")
+
+
 def test_fills_become_slosh_masses_at_each_acceleration_with_the_tanks_own_damping(folder):
     (folder / "stage.toml").write_text(
         CASE[: CASE.index("slosh_mass")] + 'tank_file = "lox.toml"\n' + CASE[CASE.index("[autopilot]") :]

@@ -265,6 +265,10 @@ class _Reader:
                     names = [t.name for t in case.vehicle.tanks]
                     self.refuse(path, "names no tank of the case", nearest(tank, names))
                     return None
+                if any(t.name == tank and t.pendulum_length is not None for t in case.vehicle.tanks):
+                    rule = "fills a tank that the case gives as a pendulum"
+                    self.refuse(path, rule, "give it there by tank_file, or by station and frequency")
+                    return None
             return self._column(path, value, key, "1" if key.endswith("fill") else "m", tank_file=True)
         if key == PRESSURE:
             if any(case.vehicle.aerodynamics is None for case in cases):

@@ -148,8 +148,12 @@ def _take(found: _Columns, declared: Declared, case: Case, table: FlightTable, k
             cure = "begin the phase in the air, or leave [aerodynamics] out of its case"
             found.problems.append(table.problem(int(low[0]), key, "must be > 0 N/m^2", cure))
             return
+        place: Steps = ("vehicle", "aerodynamics", "normal_force_slope")
+        if place in found.values:
+            rule = f"{key} stands beside aerodynamics.normal_force_slope, which it would give"
+            found.problems.append(_of_phase(declared, rule, "leave one of them out"))
         slope = float(air.normal_force_slope) * table.at(key, declared.time) / reference
-        found.values["vehicle", "aerodynamics", "normal_force_slope"] = slope
+        found.values[place] = slope
         return
     quantity = scheduled(case, key)
     fault = quantity.fault(table.values[key])
@@ -162,8 +166,8 @@ def _take(found: _Columns, declared: Declared, case: Case, table: FlightTable, k
         found.lags.append((table, key, quantity.steps))
     for place, values in lag_values(case.autopilot, quantity.steps, table.at(key, declared.time)).items():
         if place in found.values:
-            rule = f"{key} stands beside another schedule of the same coefficient"
-            found.problems.append(_of_phase(declared, rule, "give a filter's frequency or its coefficients"))
+            rule = f"{key} stands beside another schedule of the same quantity"
+            found.problems.append(_of_phase(declared, rule, "leave one of them out"))
         found.values[place] = values
 
 

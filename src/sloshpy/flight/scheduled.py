@@ -14,6 +14,7 @@ from sloshpy.units import Array, Quantity
 
 Steps = tuple[str | int, ...]
 _PARTS = ("vehicle", "tank", "autopilot", "aerodynamics", "engine", "flexible_mode")
+_SPRING, _PENDULUM = ("station", "frequency"), ("hinge_station", "pendulum_length")
 _STEADY = ("criteria", "actuator", "filter", "digital_filter", "sample_time", "damping")  # these switch by phase
 
 
@@ -73,6 +74,14 @@ def scheduled(case: Case, key: str) -> Scheduled:
         noun = noun[step] if isinstance(step, int) else getattr(noun, step)
     if noun is None:
         raise NotScheduled(f"is not in the case: it has no [{head}]", f"add [{head}] to the case file")
+    if head == "tank":
+        pendulum = noun.pendulum_length is not None
+        own, other = (_PENDULUM, _SPRING) if pendulum else (_SPRING, _PENDULUM)
+        if rest in other:  # what follows from the other form would be thrown away
+            raise NotScheduled(
+                f"is not how the case gives this tank, which is a {'pendulum' if pendulum else 'spring-mass'}",
+                f"schedule {' and '.join(own)}, or give it in the other form in the case",
+            )
     return Scheduled(key=key, steps=(*steps, *(words := tuple(rest.split(".")))), quantity=_quantity(noun, words))
 
 
