@@ -318,6 +318,13 @@ def test_what_makes_no_filter_is_refused(folder, file, old, new, line, rule):
     assert told[0].cure
 
 
+def test_a_unit_that_is_wrong_or_missing_is_cured_in_its_own_kind(folder):
+    (problem,) = spoilt(folder, "pilot.csv", "tau", "tau [s]")
+    assert problem.cure.startswith("leave the unit out")
+    for problem in spoilt(folder, "pilot.csv", "f [Hz]", "f"):
+        assert problem.cure.startswith('write "f [rad/s]" in the header')
+
+
 def test_a_pole_that_reaches_the_origin_is_refused(folder):
     moved = FLIGHT.replace("denominator.s^1", "denominator.s^0")
     (folder / "flight.toml").write_text(moved)

@@ -137,6 +137,10 @@ def test_verdicts_rest_on_what_so_many_cases_can_show():
     even = findings(run_campaign(stage(Linear(amplitude=1.5), sampling="sobol"), 64, 1))
     assert even.verdict == "no statement"
     assert even.criteria[0].probability is None
+    assert even.criteria[0].drivers
+    assert all(np.isnan([r.low, r.high]).all() and np.isfinite(r.estimate) for _, r in even.criteria[0].drivers)
+    assert " to " not in next(line for line in str(even).splitlines() if "gets worse with" in line)
+    assert '"low": null' in even.to_json()
     poor = stage(Linear(amplitude=0.1), coverage=0.9)
     assert findings(run_campaign(poor, 40, 1)).verdict == "fail"
 

@@ -35,6 +35,7 @@ def test_the_shipped_dispersion_is_read(example):
     [
         ('input = "vehicle.mass"', 'input = "vehicle.mas"', r"toml:\d+: .*it has .*mass"),
         ('input = "tank.LOX.slosh_mass"', 'input = "tank.LH2.slosh_mass"', "names no tank"),
+        ('input = "vehicle.mass"', 'input = "autopilot.filter.1.frequency"', 'write "filter.1.frequency"'),
         ('high = "20 ms"', 'high = "20 kg"', "is a mass, must be a time"),
         ('low = "0 s"', 'low = "-1 s"', r"must be >= 0 s"),
         ("low = 0.9\n", "low = 1.2\n", "must be > low"),

@@ -61,6 +61,7 @@ def test_percentiles_against_time_are_those_of_each_time():
     # of 40, one worse is allowed for 90 % at 90 %: 1 - 0.9^40 - 40 0.1 0.9^39 = 0.92; none for 99 %
     assert np.array_equal(found.bound[1], np.sort(values, axis=1)[:, 1])
     assert np.all(np.isnan(found.bound[2]))
+    assert np.all(np.isnan(found.percentile[2:]))  # 40 flights have no 99th percentile, but a worst
     assert "90 % of all flights, at 90 % confidence: disc margin >= " in found.message
     assert len(found.columns()["time [s]"]) == 5
     with pytest.raises(ValueError, match="no number against time"):

@@ -83,6 +83,8 @@ def against_time(campaign: Campaign, name: str) -> AgainstTime:
             found = bound_of(d.sampling, values, one.worst, part, d.confidence)
             if isinstance(found, Bound):
                 bound[i, j] = found.value
+            if len(signed) * (1.0 - part) < 1.0 - 1e-9:
+                percentile[i, j] = np.nan  # of so few flights it is their extreme, no percentile
     return AgainstTime(
         campaign=campaign,
         column=column,

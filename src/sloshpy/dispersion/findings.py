@@ -1,7 +1,7 @@
 """What a campaign says: verdict, violations, percentiles with their confidence, driving inputs, the worst cases."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -176,7 +176,7 @@ def _criterion(campaign: Campaign, column: Column, values: Array, draws: Array, 
     together = column is VERDICT
     order = np.argsort(-signed, kind="stable")[: min(WORST, broken) if together else WORST]
     drivers = [
-        (p.input, rank_correlation(draws[:, k], signed, d.confidence))
+        (p.input, _of_draws(rank_correlation(draws[:, k], signed, d.confidence), independent))
         for k, p in enumerate(d.parameters)
         if not p.systematic and not together
     ]
@@ -190,6 +190,11 @@ def _criterion(campaign: Campaign, column: Column, values: Array, draws: Array, 
         worst=tuple(int(numbers[k]) for k in order),
         drivers=tuple(sorted(drivers, key=lambda pair: -abs(pair[1].estimate))),
     )
+
+
+def _of_draws(found: Interval, independent: bool) -> Interval:
+    """Return an estimate without its interval where the draws are not independent."""
+    return found if independent else replace(found, low=np.nan, high=np.nan)
 
 
 def bound_of(sampling: str, values: Array, worst: int, coverage: float, confidence: float) -> Bound | str:
@@ -246,11 +251,15 @@ def _criterion_lines(c: Criterion, count: int, confidence: float) -> list[str]:
     what = f"{c.column.name} {sign} {c.column.limit:.6g} {_unit(c.column)}".rstrip()
     lines = ["", f"  {'every criterion together' if c.column is VERDICT else what}: {met}; {how_often}"]
     if c.drivers:
-        strongest = ", ".join(f"{n} {r.estimate:+.2f} ({r.low:+.2f} to {r.high:+.2f})" for n, r in c.drivers[:3])
+        strongest = ", ".join(f"{n} {_correlation(r)}" for n, r in c.drivers[:3])
         lines.append(f"    gets worse with: {strongest}")
     if c.worst:
         lines.append(f"    worst cases: {', '.join(map(str, c.worst))}")
     return lines
+
+
+def _correlation(r: Interval) -> str:
+    return f"{r.estimate:+.2f}" + ("" if np.isnan(r.low) else f" ({r.low:+.2f} to {r.high:+.2f})")
 
 
 def _unit(column: Column) -> str:
@@ -267,7 +276,7 @@ def _criterion_dict(c: Criterion) -> dict[str, Any]:
         "probability": None if c.probability is None else _plain(vars(c.probability)),
         "met": c.met,
         "worst": list(c.worst),
-        "drivers": {name: _plain(vars(r)) for name, r in c.drivers},
+        "drivers": {n: {k: None if np.isnan(x) else x for k, x in vars(r).items()} for n, r in c.drivers},
     }
 
 

@@ -68,6 +68,8 @@ def find_input(case: Case, text: str) -> Input:
     names: tuple[str, ...] | None = None
     if several:
         names = _chosen(case, noun, which)
+    elif noun == "autopilot" and which is not None and which.partition(".")[0] in _LAGS:
+        raise ValueError(f'has one part too many\nwrite "{text.removeprefix("autopilot.")}"')
     elif which is not None:
         raise ValueError(f'has too many parts\nwrite "{noun}.{field}"')
     elif noun in {"engine", "aerodynamics"} and getattr(case.vehicle, noun) is None:

@@ -168,14 +168,16 @@ def _in_si(path: FilePath, column: HistoryColumn, wanted: Wanted) -> Array:
     unit = column.unit or wanted.unit
     if unit in {"", "1"}:
         if wanted.si != "1":
-            raise refused("has no unit", f"{column.how_to_declare}, or declare unit in the flight file")
+            how = column.how_to_declare.replace("[mm]", f"[{wanted.si}]").replace("'mm'", f"'{wanted.si}'")
+            raise refused("has no unit", f"{how}, or declare unit in the flight file")
         return column.values
     try:
         if wanted.si == "dB":
             return np.array([parse(f"{x!r} {unit}", "dB") for x in column.values.tolist()])
         return np.asarray(column.values * parse(f"1 {unit}", wanted.si))
     except UnitError as error:
-        raise refused(error.rule, error.cure) from None
+        plain = "leave the unit out: coefficients are in powers of seconds" if ".s^" in wanted.key else error.cure
+        raise refused(error.rule, plain) from None
 
 
 def _same(time: Array, when: float) -> BoolArray:
