@@ -321,6 +321,7 @@ def test_what_makes_no_filter_is_refused(folder, file, old, new, line, rule):
 def test_a_unit_that_is_wrong_or_missing_is_cured_in_its_own_kind(folder):
     (problem,) = spoilt(folder, "pilot.csv", "tau", "tau [s]")
     assert problem.cure.startswith("leave the unit out")
+    (folder / "pilot.csv").write_text(TABLE)
     for problem in spoilt(folder, "pilot.csv", "f [Hz]", "f"):
         assert problem.cure.startswith('write "f [rad/s]" in the header')
 
