@@ -66,7 +66,7 @@ def tank_command(
         if damping_figure is not None:
             drawn("plot_tank_damping", damping, damping_figure, quiet=json)
         return drawn("plot_tank", found, path, quiet=json)
-    rows = read_fill_table(history)
+    rows = read_fill_table(history, read)
     course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)
     if not any(course.rows):
         rule = f"has no row with slosh masses; row 1: {course.reason[0]}"
