@@ -10,7 +10,7 @@ from sloshpy.tank.closed_form import flat_bottom
 from sloshpy.tank.contour_doubt import Doubt, doubt_of
 from sloshpy.tank.doubtful import doubtful_edges, doubts_about
 from sloshpy.tank.eigen import TOLERANCE, modes_by_elements
-from sloshpy.tank.liquid import LiquidSection
+from sloshpy.tank.liquid import LiquidSection, steps_at
 from sloshpy.tank.modal import Modal, fixed_part
 from sloshpy.tank.shapes import Annulus, Contour, Cylinder, Wall
 from sloshpy.tank.tank import Tank
@@ -94,6 +94,11 @@ class SloshModes:
         found = doubts_about(self.tank.liquid.density, self.tank.acceleration, self.section)
         if isinstance(self.tank.shape, Contour):
             found += doubtful_edges(self.tank.shape)
+        found += [
+            f"the surface stands just at a step of the wall from r = {below:.4g} m to {above:.4g} m at "
+            f"z = {self.section.depth:.4g} m: the one below it was taken, and just above it differs"
+            for below, above in steps_at(self.tank.shape, self.section.depth)
+        ]
         if self.next_mass > _NOTICED * self.liquid_mass:
             share = 100.0 * self.next_mass / self.liquid_mass
             found.append(
