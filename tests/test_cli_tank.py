@@ -121,6 +121,16 @@ def test_an_empty_and_a_full_tank_are_rows_without_slosh_masses(run, tank, rows)
     assert tank.with_name("out.csv").read_text(encoding="utf-8").count("\n") == 4
 
 
+def test_schema_prints_that_of_the_file_asked_for(run):
+    for words, title in (((), "slosh case"), (("case",), "slosh case"), (("tank",), "slosh tank")):
+        status, out, err = run("schema", *words)
+        assert (status, err) == (0, "")
+        assert json.loads(out)["title"] == title
+    status, out, err = run("schema", "tnak")
+    assert (status, out) == (2, "")
+    assert "tnak" in err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
