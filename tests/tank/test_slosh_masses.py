@@ -308,6 +308,17 @@ def test_a_surface_at_the_apex_of_an_inner_wall_is_between_those_just_below_and_
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("points", [9, 13])
+def test_a_surface_at_the_apex_of_a_rounded_dome_is_hardly_more_in_doubt_than_below_it(points):
+    t = np.linspace(0.0, 0.5 * np.pi, points)
+    z, r = np.round(0.3 * np.sin(t), 4), np.round(np.cos(t), 4)
+    shape = {"kind": "contour", "z": [0, 3], "r": [1, 1], "z_inner": z.tolist(), "r_inner": r.tolist()}
+    at, below = slosh_masses(tank(shape, 0.3)), slosh_masses(tank(shape, 0.299))
+    assert at.error_estimate[0] < 3.0 * below.error_estimate[0] < 0.2
+    assert at.kappa[0] == pytest.approx(below.kappa[0], rel=0.05)
+
+
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("shape", "step", "below", "above"),
     [

@@ -94,11 +94,6 @@ class SloshModes:
         found = doubts_about(self.tank.liquid.density, self.tank.acceleration, self.section)
         if isinstance(self.tank.shape, Contour):
             found += doubtful_edges(self.tank.shape)
-        found += [
-            f"the surface stands just at a step of the wall from r = {below:.4g} m to {above:.4g} m at "
-            f"z = {self.section.depth:.4g} m: the one below it was taken, and just above it differs"
-            for below, above in steps_at(self.tank.shape, self.section.depth)
-        ]
         if self.next_mass > _NOTICED * self.liquid_mass:
             share = 100.0 * self.next_mass / self.liquid_mass
             found.append(
@@ -106,6 +101,11 @@ class SloshModes:
             )
         if np.max(self.error_estimate) > TOLERANCE:
             found.append(f"numbers are good to {np.max(self.error_estimate):.1e} only, {TOLERANCE:.0e} was wanted")
+        found += [
+            f"the surface stands just at a step of the wall from r = {below:.4g} m to {above:.4g} m at "
+            f"z = {self.section.depth:.4g} m: the one below it was taken, and just above it differs"
+            for below, above in steps_at(self.tank.shape, self.section.depth)
+        ]
         return tuple(found)
 
     @property
