@@ -102,7 +102,7 @@ def test_a_history_that_no_tank_can_have_is_refused_cell_by_cell_and_nothing_is_
     assert [int(line.split(":")[0]) for line in told] == [3, 4, 4, 5]
     assert "column fill: 120 [%]; must be >= 0 % and <= 100 % of the volume. Cure: half is 50" in told[0]
     assert "column fill: -3 [%]" in told[1]
-    assert "column acceleration: 0 [m/s^2]; must be > 0 m/s^2. Cure: leave out" in told[2]
+    assert "column acceleration: 0 [m/s^2]; must be > 0 m/s^2. Cure: drop the row" in told[2]
     assert "column acceleration: -12 [m/s^2]" in told[3]
     tank.with_name("fills.csv").write_text("depth [m]\n2\n9\n", encoding="utf-8")
     status, out, err = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")

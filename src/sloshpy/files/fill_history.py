@@ -77,7 +77,7 @@ def _outside(
     """Return what no tank can have, in file order."""
     height = np.inf if tank is None else tank.height
     most = "" if tank is None else f" and <= {height:.6g} m, the height of the tank"
-    acceleration = "leave out what has none: the model is of a liquid held down by acceleration, in coast it has none"
+    acceleration = "drop the row: the model is of a liquid held down by acceleration; in coast it has no meaning"
     ranges: dict[str, tuple[float, str, str]] = {
         "fill": (1.0, "must be >= 0 % and <= 100 % of the volume", "half is 50 under fill [%] and 0.5 under fill [1]"),
         "depth": (
