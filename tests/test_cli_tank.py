@@ -77,7 +77,7 @@ def test_tank_follows_a_history_into_a_table(run, tank):
 
 
 def test_a_history_in_which_no_row_works_is_refused_and_draws_nothing(run, tank):
-    tank.with_name("fills.csv").write_text("time [s], fill [%]\n0, 150\n50, 140\n", encoding="utf-8")
+    tank.with_name("fills.csv").write_text("time [s], fill [%]\n0, 100\n50, 0\n", encoding="utf-8")
     status, out, err = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
     assert (status, out) == (2, "")
     assert "has no row with slosh masses; row 1: fill must be > 0 and < 1" in err
@@ -86,11 +86,49 @@ def test_a_history_in_which_no_row_works_is_refused_and_draws_nothing(run, tank)
 
 
 def test_a_history_says_how_many_of_its_rows_failed(run, tank):
-    tank.with_name("fills.csv").write_text("fill [%]\n" + "150\n" * 6 + "50\n", encoding="utf-8")
+    tank.with_name("fills.csv").write_text("fill [%]\n" + "100\n" * 6 + "50\n", encoding="utf-8")
     status, out, _ = run("tank", tank, "--history", "fills.csv")
     assert status == 0
     assert "7 rows, 6 without slosh masses" in out
     assert "  - row 5: fill must be > 0 and < 1\n  - and 1 more\n" in out
+
+
+def test_a_history_that_no_tank_can_have_is_refused_cell_by_cell_and_nothing_is_written(run, tank):
+    rows = "time [s], fill [%], acceleration [m/s^2]\n0, 90, 12\n1, 120, 12\n2, -3, 0\n3, 40, -12\n"
+    tank.with_name("fills.csv").write_text(rows, encoding="utf-8")
+    status, out, err = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
+    assert (status, out) == (2, "")
+    told = [line for line in " ".join(err.split()).split("fills.csv:") if "column" in line]
+    assert [int(line.split(":")[0]) for line in told] == [3, 4, 4, 5]
+    assert "column fill: 120 [%]; must be >= 0 % and <= 100 % of the volume. Cure: half is 50" in told[0]
+    assert "column fill: -3 [%]" in told[1]
+    assert "column acceleration: 0 [m/s^2]; must be > 0 m/s^2. Cure: drop the row" in told[2]
+    assert "column acceleration: -12 [m/s^2]" in told[3]
+    tank.with_name("fills.csv").write_text("depth [m]\n2\n9\n", encoding="utf-8")
+    status, out, err = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
+    assert (status, out) == (2, "")
+    assert "fills.csv:3: column depth: 9 [m]; must be >= 0 m and <= 4.6 m, the height of the tank" in err
+    assert not tank.with_name("out.csv").exists()
+    assert not tank.with_name("lox_tank-history.png").exists()
+
+
+@pytest.mark.parametrize("rows", ["fill [%]\n0\n50\n100\n", "depth [m]\n0\n2\n4.6\n", "depth [mm]\n0.01\n2000\n4600\n"])
+def test_an_empty_and_a_full_tank_are_rows_without_slosh_masses(run, tank, rows):
+    tank.with_name("fills.csv").write_text(rows, encoding="utf-8")
+    status, out, err = run("tank", tank, "--history", "fills.csv", "--table", "out.csv")
+    assert (status, err) == (0, "")
+    assert "3 rows, 2 without slosh masses" in out
+    assert tank.with_name("out.csv").read_text(encoding="utf-8").count("\n") == 4
+
+
+def test_schema_prints_that_of_the_file_asked_for(run):
+    for words, title in (((), "slosh case"), (("case",), "slosh case"), (("tank",), "slosh tank")):
+        status, out, err = run("schema", *words)
+        assert (status, err) == (0, "")
+        assert json.loads(out)["title"] == title
+    status, out, err = run("schema", "tnak")
+    assert (status, out) == (2, "")
+    assert "tnak" in err
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from cases import PAPER_LAW, paper_case, xi
 from sloshpy.damping import TableDamping
@@ -10,7 +11,8 @@ from sloshpy.errors import OutsideValidity
 from sloshpy.files import read_case, write_case, write_example
 from sloshpy.limit_cycle import growth_curve, predict_limit_cycle
 from sloshpy.stability import damping_sweep, danger_zone
-from sloshpy.vehicle import SloshMass
+from sloshpy.tank import Tank
+from sloshpy.vehicle import SloshMass, Vehicle
 
 
 def test_a_case_equals_its_copy_through_a_file(tmp_path):
@@ -47,3 +49,26 @@ def test_damping_and_amplitude_are_not_both_given_and_no_law_goes_beyond_critica
     with pytest.raises(OutsideValidity, match="more than critical"):
         open_loop(paper_case(), amplitude=1e9)
     assert open_loop(paper_case(xi(0.01)), amplitude=1e9).damping == pytest.approx([0.01])
+
+
+def test_a_tank_is_refused_in_python_as_the_other_nouns_are_with_rule_and_cure():
+    shape = {"kind": "sphere", "radius": 2.0}
+    given_tank = {"name": "LOX", "liquid": {"density": 1141.0}, "shape": shape}
+    for noun, given, rule in (
+        (Vehicle, {"mass": -1.0}, "must be > 0 kg. Cure: drop the sign."),
+        (
+            Tank,
+            given_tank | {"acceleration": -1.0, "fill": 1.0},
+            "must be > 0 m/s^2. Cure: ",
+        ),
+        (
+            Tank,
+            given_tank | {"acceleration": 9.81, "fill": 5.0},
+            "must be < 4 m, the height of",
+        ),
+    ):
+        with pytest.raises(ValidationError) as caught:
+            noun(**given)
+        assert isinstance(caught.value, ValueError)
+        (fault,) = [one for one in caught.value.errors() if one["type"] == "quantity"]
+        assert rule in fault["msg"]

@@ -9,7 +9,7 @@ The public names, in reading order; each is loaded when it is first used.
     tanks        Tank, slosh_masses, slosh_masses_history, tank_damping, wall_damping, baffle_damping, read_tank,
                  read_fill_table, write_fill_history, plot_tank, plot_tank_damping, plot_fill_history;
                  shapes: Cylinder, Capsule, Sphere, Spheroid, Cone, Annulus, Toroid, Contour
-    files        read_case, write_case, case_schema, write_example
+    files        read_case, write_case, case_schema, tank_schema, write_example
     dynamics     plant, state_space, open_loop, frequency_response, closed_loop_poles
     stability    margins, margin_table, nichols_disc_margin, root_locus, danger_zone, required_damping,
                  required_damping_map, required_scale, damping_sweep, damping_sensitivity, disc_margin_curve,
@@ -77,6 +77,7 @@ _ROOMS = {
         "write_requirement",
         "write_case",
         "case_schema",
+        "tank_schema",
         "write_example",
         "to_control",
         "response_to_control",

@@ -1,4 +1,4 @@
-"""The JSON schema describes the case file: it takes the examples and refuses what the reader refuses."""
+"""The JSON schemas describe case and tank files: they take the examples and refuse what the reader refuses."""
 
 import json
 import re
@@ -9,20 +9,26 @@ from typing import Any
 import pytest
 from good_case import GOOD, POWER
 
-from sloshpy.files import case_schema
+from sloshpy.errors import InputError
+from sloshpy.files import case_schema, read_tank, tank_schema
 
 DATA = Path(__file__).parents[2] / "src" / "sloshpy" / "data"
 _TYPES: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": (int, float)}
+_TYPES |= {"integer": int}
 _KNOWN = {"$schema", "title", "description", "default", "type", "properties", "required", "additionalProperties"}
-_KNOWN |= {"items", "minItems", "pattern", "enum", "anyOf", "oneOf"}
+_KNOWN |= {"items", "minItems", "pattern", "enum", "anyOf", "oneOf", "minimum", "maximum"}
 
 
 def _fits(value: Any, schema: dict[str, Any]) -> bool:
     """Return whether a value fits a schema, for the words of draft 4 that ours uses; any other word fails."""
     assert set(schema) <= _KNOWN, set(schema) - _KNOWN
+    if schema.get("type") == "boolean":
+        return isinstance(value, bool)
     if "type" in schema and (not isinstance(value, _TYPES[schema["type"]]) or isinstance(value, bool)):
         return False
     if "enum" in schema and value not in schema["enum"]:
+        return False
+    if not schema.get("minimum", -1e300) <= (value if isinstance(value, int) else 0) <= schema.get("maximum", 1e300):
         return False
     if "pattern" in schema and not re.search(schema["pattern"], value):
         return False
@@ -102,3 +108,57 @@ def test_the_schema_asks_for_damping_unless_a_tank_file_is_named() -> None:
     assert own in bare
     assert not _fits(tomllib.loads(bare), case_schema())
     assert _fits(tomllib.loads(bare.replace(own, 'tank_file = "lox.toml"\n', 1)), case_schema())
+
+
+TANK = """\
+name = "LOX"
+fill = "62 %"
+acceleration = "12 m/s^2"
+modes = 2
+liquid = { density = "1141 kg/m^3" }
+shape = { kind = "contour", z = ["0 m", "0 m", "4 m"], r = ["0 m", "1 m", "1 m"], straight = true }
+[[baffle]]
+height = "2 m"
+width = "0.2 m"
+"""
+
+
+def test_the_schema_takes_the_shipped_tanks_and_a_contour_in_a_file() -> None:
+    for file in DATA.rglob("tanks/*.toml"):
+        assert _fits(tomllib.loads(file.read_text(encoding="utf-8")), tank_schema())
+    assert _fits(tomllib.loads(TANK), tank_schema())
+    points = re.search(r'z = .*"\]', TANK)
+    assert points is not None
+    assert _fits(tomllib.loads(TANK.replace(points[0], 'file = "c.csv", resolution = "1 mm"')), tank_schema())
+    text = json.dumps(tank_schema())
+    assert "$ref" not in text
+    assert "$defs" not in text
+    assert "[m], must be > 0 m" in tank_schema()["properties"]["baffle"]["items"]["properties"]["width"]["description"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"62 %"', "0.62"),
+        ('"62 %"', '{ depth = "2 m" }'),
+        ('acceleration = "12 m/s^2"\n', ""),
+        ("modes = 2", "modes = 0"),
+        ("modes = 2", "modes = 2.5"),
+        ("modes = 2", "mode = 2"),
+        ('kind = "contour"', 'kind = "sphere"'),
+        ('kind = "contour", ', ""),
+        ('z = ["0 m", "0 m", "4 m"], ', ""),
+        ("z = [", 'file = "c.csv", z = ['),
+        ("straight = true", 'straight = "maybe"'),
+        ('density = "1141 kg/m^3"', 'viscosity = "1e-6 m^2/s"'),
+        ('height = "2 m"\n', ""),
+        ('width = "0.2 m"', "width = 0.2"),
+    ],
+)
+def test_the_tank_schema_refuses_what_the_reader_refuses(tmp_path: Path, old: str, new: str) -> None:
+    assert old in TANK
+    text = TANK.replace(old, new, 1)
+    assert not _fits(tomllib.loads(text), tank_schema())
+    (tmp_path / "tank.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError):
+        read_tank(tmp_path / "tank.toml")

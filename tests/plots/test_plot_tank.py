@@ -5,6 +5,7 @@ import pytest
 
 from sloshpy import plots
 from sloshpy.errors import OutsideValidity
+from sloshpy.files import read_tank, write_example
 from sloshpy.plots.style import SMALL
 from sloshpy.tank import Tank, slosh_masses, slosh_masses_history, tank_damping
 
@@ -44,6 +45,24 @@ def test_the_section_is_to_scale_and_says_what_is_in_it(name):
     boxes.append(ax.xaxis.label.get_window_extent())
     page = ax.figure.bbox
     assert all(page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1 for box in boxes)
+
+
+def test_the_hinge_is_drawn_whole_with_its_tip_at_its_place(tmp_path):
+    found = slosh_masses(read_tank(write_example("lox_tank", tmp_path)))
+    ax = plots.plot_tank(found)
+    ax.figure.draw_without_rendering()
+    (hinge,) = [line for line in ax.lines if line.get_label() == "hinge"]
+    assert hinge.get_ydata()[0] == found.hinge_height[0]
+    others = [*ax.patches, *(line for line in ax.lines if line is not hinge)]
+    assert all(other.get_zorder() < hinge.get_zorder() for other in others)
+    box = hinge.get_window_extent()
+    tip = ax.transData.transform((0.0, found.hinge_height[0]))[1]
+    mark = hinge.get_marker()
+    assert max(z for _, z in mark) == 0.0  # it hangs from its tip
+    size = hinge.get_markersize() * ax.figure.dpi / 72.0
+    second = ax.patches[-1].get_window_extent()  # the disc of slosh mass 2, just above
+    assert tip - size < box.y1
+    assert second.y0 > tip - 0.25 * size
 
 
 def test_the_history_is_drawn_as_computed():

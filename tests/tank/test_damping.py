@@ -213,6 +213,27 @@ def test_what_strains_the_formula_is_told():
     assert any("below the lowest ring" in reason for reason in baffle_damping(_ringed(1.5)).reasons)
 
 
+@pytest.mark.parametrize("depth", [0.5, 0.7, 1.3])
+def test_a_ring_a_tenth_of_the_radius_deep_counts_and_is_not_said_to_be_left_out(depth):
+    shape = {"kind": "cylinder", "radius": 1.0, "height": 3.0}
+    found = baffle_damping(_ringed(depth - 0.1, width=0.1, fill=depth, shape=shape))
+    assert len(found.rings) == 1
+    assert not any("left out" in reason or "comes out" in reason for reason in found.reasons)
+    lower = baffle_damping(_ringed(depth - 0.1, 0.2, width=0.05, fill=depth, shape=shape))
+    assert len(lower.rings) == 2
+    assert not any("left out" in reason for reason in lower.reasons)
+
+
+def test_every_ring_that_a_wave_lays_dry_is_told_once():
+    two = baffle_damping(_ringed(4.95, 4.9, 4.0, width=0.04))
+    assert [reason for reason in two.reasons if "left out" in reason] == [
+        "rings 0.05 and 0.1 m below the surface left out: they come out of a wave higher than that"
+    ]
+    at_surface = baffle_damping(_ringed(5.0, 4.9, width=0.04))
+    assert any(reason.startswith("a ring 0 m below the surface left out") for reason in at_surface.reasons)
+    assert any(reason.startswith("a ring 0.1 m below the surface comes out") for reason in at_surface.reasons)
+
+
 def test_wall_and_rings_work_together_and_what_is_refused_is_told():
     shape = {"kind": "cylinder", "radius": 2.0, "height": 9.0}
     both = tank_damping(slosh_masses(_viscous(shape, 5.0, baffle=[{"height": 4.5, "width": 0.2}])))

@@ -1,5 +1,7 @@
 """Slosh masses against closed forms, exact families, conservation and published values."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tanks import (
@@ -283,3 +285,60 @@ def test_a_changed_fill_is_not_answered_by_the_old_depth():
     less = full.model_copy(update={"fill": tank(SPHERE, "10 %").fill})
     assert less.depth < 1.0
     assert less.section.depth == less.depth
+
+
+def _around(*tip: tuple[float, float]) -> dict[str, Any]:
+    """Return a cylinder around an inner wall that ends at a height of 0.5 m."""
+    r, z = zip(*tip, strict=True)
+    return {"kind": "contour", "z": [0, 0, 3], "r": [0, 1, 1], "z_inner": z, "r_inner": r}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "shape", [_around((0.4, 0.0), (0.0, 0.5)), _around((0.7, 0.0), (0.3, 0.3), (0.0, 0.5)), BULKHEAD]
+)
+@pytest.mark.parametrize("off", [-1e-10, 0.0, 1e-15, 1e-13, 1e-10, 4e-9])
+def test_a_surface_at_the_apex_of_an_inner_wall_is_between_those_just_below_and_above(shape, off):
+    at = slosh_masses(tank(shape, 0.5 + off))
+    low, high = (slosh_masses(tank(shape, 0.5 + d)) for d in (-1e-4, 1e-4))
+    assert np.all(at.error_estimate < 1e-3)
+    for name in ("kappa", "slosh_mass", "spring_height", "rigid_lid_inertia"):
+        below, value, above = (float(np.ravel(getattr(one, name))[0]) for one in (low, at, high))
+        assert below < value < above
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("points", [9, 13])
+def test_a_surface_at_the_apex_of_a_rounded_dome_is_hardly_more_in_doubt_than_below_it(points):
+    t = np.linspace(0.0, 0.5 * np.pi, points)
+    z, r = np.round(0.3 * np.sin(t), 4), np.round(np.cos(t), 4)
+    shape = {"kind": "contour", "z": [0, 3], "r": [1, 1], "z_inner": z.tolist(), "r_inner": r.tolist()}
+    at, below = slosh_masses(tank(shape, 0.3)), slosh_masses(tank(shape, 0.299))
+    assert at.error_estimate[0] < 3.0 * below.error_estimate[0] < 0.2
+    assert at.kappa[0] == pytest.approx(below.kappa[0], rel=0.05)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("shape", "step", "below", "above"),
+    [
+        ({"kind": "contour", "z": [0, 0, 1, 1, 3], "r": [0, 1, 1, 0.6, 0.6]}, 1.0, 1.0, 0.6),
+        (SUMP, 0.2, 0.3, 1.0),
+        (_around((0.4, 0.0), (0.4, 0.5), (0.0, 0.5)), 0.5, 0.4, 0.0),
+    ],
+)
+def test_a_surface_at_a_step_of_the_wall_is_the_one_below_and_says_so(shape, step, below, above):
+    at, lower = slosh_masses(tank(shape, step)), slosh_masses(tank(shape, step - 1e-6))
+    (said,) = [reason for reason in at.reasons if "step of the wall" in reason]
+    assert f"from r = {below:g} m to {above:g} m at z = {step:g} m: the one below it was taken" in said
+    assert not any("step of the wall" in reason for reason in lower.reasons)
+    assert at.kappa[0] == pytest.approx(lower.kappa[0], rel=1e-4)
+    assert at.slosh_mass[0] == pytest.approx(lower.slosh_mass[0], rel=1e-4)
+
+
+def test_the_surface_around_a_stand_pipe_that_ends_in_it_is_that_of_the_annulus():
+    pipe = tank(_around((0.4, 0.0), (0.4, 0.5), (0.0, 0.5)), 0.5)
+    annulus = tank({"kind": "annulus", "radius": 1.0, "inner_radius": 0.4, "height": 3.0}, 0.5)
+    at, exact = slosh_masses(pipe), slosh_masses(annulus)
+    assert at.kappa[0] == pytest.approx(exact.kappa[0], rel=1e-6)
+    assert at.slosh_mass[0] == pytest.approx(exact.slosh_mass[0], rel=1e-6)

@@ -3,7 +3,7 @@
 import json
 from json import dumps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -19,6 +19,7 @@ from sloshpy.files import (
     read_case,
     read_fill_table,
     read_tank,
+    tank_schema,
     write_example,
     write_fill_history,
 )
@@ -66,7 +67,7 @@ def tank_command(
         if damping_figure is not None:
             drawn("plot_tank_damping", damping, damping_figure, quiet=json)
         return drawn("plot_tank", found, path, quiet=json)
-    rows = read_fill_table(history)
+    rows = read_fill_table(history, read)
     course = slosh_masses_history(read, rows.fill, rows.acceleration, rows.time)
     if not any(course.rows):
         rule = f"has no row with slosh masses; row 1: {course.reason[0]}"
@@ -91,9 +92,9 @@ def validate(case: CaseFile) -> int:
 
 
 @app.command
-def schema() -> int:
-    """Print the JSON schema of the case file, for completion in an editor."""
-    print(json.dumps(case_schema(), indent=1))
+def schema(of: Annotated[Literal["case", "tank"], Parameter(help="which file")] = "case") -> int:
+    """Print the JSON schema of the case file or the tank file, for completion in an editor."""
+    print(json.dumps({"case": case_schema, "tank": tank_schema}[of](), indent=1))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Files: cases, flights, dispersions, tables, time histories, the shipped examples and the schema of the case file."""
+"""Files: cases, flights, dispersions, tables, time histories, the shipped examples, schemas of case and tank files."""
 
 from sloshpy.files.case_file import read_case
 from sloshpy.files.dispersion_file import read_dispersion
@@ -14,7 +14,7 @@ from sloshpy.files.exchange import from_control, response_to_control, to_control
 from sloshpy.files.fill_history import read_fill_table, write_fill_history
 from sloshpy.files.flight_file import read_flight
 from sloshpy.files.requirement_table import write_requirement
-from sloshpy.files.schema import case_schema
+from sloshpy.files.schema import case_schema, tank_schema
 from sloshpy.files.tables import read_damping_table
 from sloshpy.files.tank_file import read_tank
 from sloshpy.files.time_history import read_time_history
@@ -37,6 +37,7 @@ __all__ = [
     "read_tank",
     "read_time_history",
     "response_to_control",
+    "tank_schema",
     "to_control",
     "write_case",
     "write_example",

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from sloshpy.errors import InputError, Problem
-from sloshpy.files.tables import Kind, read_columns
+from sloshpy.files.tables import Kind, Row, TableColumn, read_columns
 from sloshpy.files.write import write_whole
-from sloshpy.tank import Fill, FillHistory
+from sloshpy.tank import Fill, FillHistory, Tank
 from sloshpy.units import Array
 
 FILLS = Kind(
@@ -20,6 +20,8 @@ FILLS = Kind(
     optional=frozenset({"time", "fill", "depth", "acceleration"}),
     declared=frozenset({"fill"}),
 )
+_ROUNDING = 1e-9  # of the tank's height: a depth that is the height but for its last digits is a full tank
+_SHOWN = 50  # faults told at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +33,12 @@ class FillTable:
     time: Array | None
 
 
-def read_fill_table(path: str | os.PathLike[str]) -> FillTable:
+def read_fill_table(path: str | os.PathLike[str], tank: Tank | None = None) -> FillTable:
     """Read a CSV with the column fill [%] or depth [m] and, where they change, acceleration and time.
+
+    A fill is 0 to 100 %, both ends included, a depth 0 m to the tank's height where the tank is given, an acceleration
+    above 0 m/s^2. An empty and a full tank are no faults: `slosh_masses_history` says of such a row that it has no
+    slosh masses.
 
     Raises:
         InputError: with every fault of the table, each with its line.
@@ -53,6 +59,9 @@ def read_fill_table(path: str | os.PathLike[str]) -> FillTable:
         k = 1 + int(np.argmax(np.diff(time) <= 0.0))
         rule = f"has times that do not increase: {time[k]:.10g} s follows {time[k - 1]:.10g} s"
         raise refused(rule, "sort the rows by time and drop those given twice", rows[1 + k].line)
+    outside = _outside(columns, rows, numbers, tank, name)
+    if outside:
+        raise InputError(*outside[:_SHOWN])
     fill: list[str | float | Fill] = [*numbers.get("depth", [])]
     fill += [f"{100.0 * part!r} %" for part in numbers.get("fill", [])]
     return FillTable(
@@ -60,6 +69,38 @@ def read_fill_table(path: str | os.PathLike[str]) -> FillTable:
         acceleration=np.array(numbers["acceleration"]) if "acceleration" in numbers else None,
         time=time,
     )
+
+
+def _outside(
+    columns: list[TableColumn], rows: list[Row], numbers: dict[str, list[float]], tank: Tank | None, file: str
+) -> list[Problem]:
+    """Return what no tank can have, in file order."""
+    height = np.inf if tank is None else tank.height
+    most = "" if tank is None else f" and <= {height:.6g} m, the height of the tank"
+    acceleration = "drop the row: the model is of a liquid held down by acceleration; in coast it has no meaning"
+    ranges: dict[str, tuple[float, str, str]] = {
+        "fill": (1.0, "must be >= 0 % and <= 100 % of the volume", "half is 50 under fill [%] and 0.5 under fill [1]"),
+        "depth": (
+            height * (1.0 + _ROUNDING),
+            f"must be >= 0 m{most}",
+            "check the unit; it counts from the bottom",
+        ),
+        "acceleration": (np.inf, "must be > 0 m/s^2", acceleration),
+    }
+    found = []
+    for k, row in enumerate(rows[1:]):
+        for at, column in enumerate(columns):
+            if column.name not in ranges:
+                continue
+            largest, rule, cure = ranges[column.name]
+            value = numbers[column.name][k]
+            if 0.0 <= value <= largest and (value > 0.0 or column.name != "acceleration"):
+                continue
+            unit = column.unit or "1"
+            written = f"{row.cells[at]} [{unit}]"
+            key = f"column {column.name}"
+            found.append(Problem(key=key, value=written, rule=rule, cure=cure, file=file, line=row.line))
+    return found
 
 
 def write_fill_history(found: FillHistory, path: str | os.PathLike[str]) -> Path:

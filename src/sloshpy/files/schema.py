@@ -1,9 +1,10 @@
-"""The JSON schema of the case file, for completion and checks in an editor; plain enough for draft 4."""
+"""The JSON schemas of case and tank files, for completion and checks in an editor; plain enough for draft 4."""
 
 from typing import Any
 
 from sloshpy.case import Case, Criteria
 from sloshpy.files.wording import OF_THE_VEHICLE
+from sloshpy.tank import Tank
 from sloshpy.units import decibel
 
 Schema = dict[str, Any]
@@ -40,6 +41,39 @@ def case_schema() -> Schema:
         "properties": {key: keys[key] for key in order},
         "required": ["name", "vehicle", "tank", "autopilot"],
         "additionalProperties": False,
+    }
+
+
+def tank_schema() -> Schema:
+    """Return the JSON schema of a tank file: keys, units, meanings and ranges, without references."""
+    raw = Tank.model_json_schema()
+    schema: Schema = _plain(raw, raw.pop("$defs"))
+    keys = schema["properties"]
+    level = 'depth above the lowest point, "6.2 m", or part of the volume, "62 %"; what leaves no surface is refused'
+    keys["fill"] = {"type": "string", "description": level}
+    for shape in keys["shape"]["oneOf"]:
+        shape["required"] = ["kind", *shape["required"]]
+        if "z" in shape["properties"]:
+            _or_points_in_a_file(shape)
+    return {
+        "$schema": _DRAFT,
+        "title": "slosh tank",
+        "description": "A tank of revolution with its liquid, fill and axial acceleration.",
+        "type": "object",
+        "properties": keys,
+        "required": schema["required"],
+        "additionalProperties": False,
+    }
+
+
+def _or_points_in_a_file(contour: Schema) -> None:
+    """Let a contour's points stand in a file of their own, in place."""
+    contour["required"] = ["kind"]
+    contour["oneOf"] = [{"required": ["z", "r"]}, {"required": ["file"]}]
+    contour["properties"]["file"] = {
+        "type": "string",
+        "description": "CSV file beside the tank file, in place of z, r, z_inner and r_inner; header: z [m], r [m], "
+        "and z_inner [m], r_inner [m] for an inner wall",
     }
 
 

@@ -41,7 +41,7 @@ DAMPING = Kind(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Row:
+class Row:
     """One line of the table that holds cells."""
 
     line: int
@@ -84,7 +84,7 @@ def read_damping_table(path: str | os.PathLike[str]) -> tuple[Array, Array]:
 
 def read_columns(
     path: str | os.PathLike[str], kind: Kind
-) -> "tuple[list[TableColumn], list[_Row], dict[str, list[float]]]":
+) -> "tuple[list[TableColumn], list[Row], dict[str, list[float]]]":
     """Read a table and return its columns, its rows, the header first, and the numbers of each column in SI.
 
     Raises:
@@ -92,7 +92,7 @@ def read_columns(
     """
     name = os.fspath(path)
     _, text = read_text(path, kind.what)
-    rows = [_Row(line=k, cells=cells_of(line)) for k, line in enumerate(text.split("\n"), 1) if bare(line)]
+    rows = [Row(line=k, cells=cells_of(line)) for k, line in enumerate(text.split("\n"), 1) if bare(line)]
     if not rows:
         raise InputError(Problem(key=kind.what, value="", rule="has no header", cure=kind.cure, file=name))
     columns = _columns(rows[0], name, kind)
@@ -127,7 +127,7 @@ def cells_of(line: str) -> list[str]:
         return [line[:_SHOWN]]
 
 
-def _columns(header: _Row, file: str, kind: Kind) -> list[TableColumn]:
+def _columns(header: Row, file: str, kind: Kind) -> list[TableColumn]:
     """Return what the header says of each column."""
 
     def refused(value: str, rule: str, cure: str = kind.cure) -> InputError:
@@ -170,7 +170,7 @@ def _number(cell: str) -> bool:
 
 
 def _read_row(
-    row: _Row, columns: list[TableColumn], numbers: dict[str, list[float]], ended: set[str], file: str, kind: Kind
+    row: Row, columns: list[TableColumn], numbers: dict[str, list[float]], ended: set[str], file: str, kind: Kind
 ) -> list[Problem]:
     """Append a row's numbers to its columns; return what is wrong with it. An optional column may end before others."""
     if len(row.cells) != len(columns):
@@ -213,7 +213,7 @@ def read_cell(cell: str, column: TableColumn) -> float:
     return value
 
 
-def _row_problems(error: ValidationError, rows: list[_Row], columns: list[TableColumn], file: str) -> list[Problem]:
+def _row_problems(error: ValidationError, rows: list[Row], columns: list[TableColumn], file: str) -> list[Problem]:
     """Return what the law says of the numbers, each with the row that it is about."""
     problems = []
     for fault in error.errors():

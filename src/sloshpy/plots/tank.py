@@ -15,6 +15,7 @@ from sloshpy.tank import FillHistory, SloshModes
 _DISC = 0.32  # of the tank's radius: a disc of all the liquid's mass
 _WAVE = 0.18  # of the surface's radius: the wave as drawn
 _MARGIN = 1.06
+_PIVOT = [(0.0, 0.0), (-0.7, -1.0), (0.7, -1.0)]  # a triangle whose tip is the place: what is above stays clear
 _SECTION = 0.64  # of the figure's width; the rest is for labels
 
 
@@ -60,8 +61,8 @@ def plot_tank(found: SloshModes, ax: Axes | None = None) -> Axes:
         ax.plot(
             [0.0, 0.0], [float(found.spring_height[0]), hinge], color=GREY, linewidth=1.0, linestyle=(0, (4.0, 2.0))
         )
-        ax.plot(0.0, hinge, marker="v", color=GREY, markersize=8.0, zorder=6)
-        labels.append((hinge, where, GREY))
+        ax.plot(0.0, hinge, marker=_PIVOT, color=INK, markeredgecolor="white", markersize=19.0, zorder=8, label="hinge")
+        labels.append((hinge, where, INK))
         top = max(top, 1.04 * hinge)
     else:
         labels.append((top, f"{where}, above", GREY))

@@ -9,7 +9,7 @@ from sloshpy.tank.pieces import Line, Piece, moments, reach
 from sloshpy.units import Array, Real
 
 WALL, AXIS, SURFACE = "wall", "axis", "surface"
-_FILM = 1e-9  # of the depth: a fill given by volume may end so far above an edge of the wall
+_FILM = 1e-8  # of the depth: a fill given by volume may end so far above an edge or the top of a wall
 
 
 class Walled(Protocol):
@@ -69,14 +69,16 @@ def liquid_section(shape: Walled, depth: float) -> LiquidSection:
     """Return the section of the liquid up to a depth in m."""
     outer, inner = _below(shape.outer, depth), _below(shape.inner, depth)
     radius = float(outer[-1].point(1.0)[0])
-    reaches_up = bool(shape.inner) and shape.inner[-1].point(1.0)[1] > depth
+    top = shape.inner[-1].point(1.0)[1] if shape.inner else 0.0
+    reaches_up = top > depth or len(inner) < len(shape.inner)  # a level top just at the surface stays dry
     inner_radius = float(inner[-1].point(1.0)[0]) if inner and reaches_up else 0.0
-    surface = Line(start=(radius, depth), end=(inner_radius, depth))
+    low = float(inner[-1].point(1.0)[1]) if inner else 0.0
+    on_axis = not reaches_up and low < depth * (1.0 - _FILM)
+    # at the top of an inner wall the surface ends on it: a film between them has no mesh
+    surface = Line(start=(radius, depth), end=(inner_radius, depth if reaches_up or on_axis else low))
     boundary = [*outer, Part(piece=surface, start=0.0, end=1.0, kind=SURFACE)]
-    if not reaches_up:  # the axis, down to the bottom or to the top of the inner wall
-        low = float(inner[-1].point(1.0)[1]) if inner else 0.0
-        axis = Line(start=(0.0, depth), end=(0.0, low))
-        boundary += [Part(piece=axis, start=0.0, end=1.0, kind=AXIS)] if low < depth else []
+    if on_axis:  # down to the bottom or to the top of the inner wall
+        boundary.append(Part(piece=Line(start=(0.0, depth), end=(0.0, low)), start=0.0, end=1.0, kind=AXIS))
     boundary += [Part(piece=p.piece, start=p.end, end=p.start, kind=WALL) for p in reversed(inner)]
     volume, first = moments_below(shape, depth)
     return LiquidSection(
@@ -99,6 +101,24 @@ def _below(wall: tuple[Piece, ...], depth: float) -> list[Part]:
             break
         parts.append(Part(piece=piece, start=0.0, end=end, kind=WALL))
     return parts
+
+
+def steps_at(shape: Walled, depth: float) -> list[tuple[float, float]]:
+    """Return the radii in m below and above each step that a wall makes just at a depth: the surface takes the first.
+
+    A step is a level part of the outer wall or of an inner one, such as the edge of a sump or the top of a stand pipe.
+    """
+    found = []
+    for wall in (shape.outer, shape.inner):
+        radii = [piece.point(np.array([0.0, 1.0]))[0] for piece in wall if _level_at(piece, depth)]
+        if radii:
+            found.append((float(radii[0][0]), float(radii[-1][1])))
+    return found
+
+
+def _level_at(piece: Piece, depth: float) -> bool:
+    z = piece.point(np.array([0.0, 1.0]))[1]
+    return bool(np.all(np.abs(z - depth) <= _FILM * depth))
 
 
 def moments_below(shape: Walled, depth: float) -> tuple[float, float]:

@@ -117,10 +117,15 @@ def baffle_damping(modes: SloshModes, decay: Decay = "coogan-green") -> BaffleDa
             f"the wall leaves the cylinder less than the ring's depth below the ring of {out} m: left out, since the "
             "formula is of a cylinder that goes on"
         )
-    nearest = min(section.depth - ring.height for ring in wet)
-    if nearest < HIGHEST_WAVE * R and deep:
-        reasons.append(f"a ring {nearest:.3g} m below the surface left out: it comes out of a wave higher than that")
-    elif not deep:
+    if len(counted) < len(held):
+        dry_in_wave = [section.depth - ring.height for ring in held if ring not in counted]
+        below = " and ".join(f"{depth:.3g}" for depth in dry_in_wave)
+        many = len(dry_in_wave) > 1
+        reasons.append(
+            f"{'rings' if many else 'a ring'} {below} m below the surface left out: "
+            f"{'they come' if many else 'it comes'} out of a wave higher than that"
+        )
+    if not deep:
         nearest = min(section.depth - ring.height for ring in counted)
         reasons.append(
             f"a ring {nearest:.3g} m below the surface comes out of a wave higher than that: this ends there"

@@ -10,7 +10,7 @@ from sloshpy.tank.closed_form import flat_bottom
 from sloshpy.tank.contour_doubt import Doubt, doubt_of
 from sloshpy.tank.doubtful import doubts_about, doubts_about_wall
 from sloshpy.tank.eigen import TOLERANCE, modes_by_elements
-from sloshpy.tank.liquid import LiquidSection
+from sloshpy.tank.liquid import LiquidSection, steps_at
 from sloshpy.tank.modal import Modal, fixed_part
 from sloshpy.tank.shapes import Annulus, Contour, Cylinder, Wall
 from sloshpy.tank.tank import Tank
@@ -101,6 +101,11 @@ class SloshModes:
             )
         if np.max(self.error_estimate) > TOLERANCE:
             found.append(f"numbers are good to {np.max(self.error_estimate):.1e} only, {TOLERANCE:.0e} was wanted")
+        found += [
+            f"the surface stands just at a step of the wall from r = {below:.4g} m to {above:.4g} m at "
+            f"z = {self.section.depth:.4g} m: the one below it was taken, and just above it differs"
+            for below, above in steps_at(self.tank.shape, self.section.depth)
+        ]
         return tuple(found)
 
     @property
