@@ -222,8 +222,8 @@ class FreeDecay:
         if self.sampling.widest > 1.5 * self.sampling.step:
             found.append(f"samples are missing: the widest gap is {self.sampling.widest:.4g} s")
         found.append(
-            f"not to be seen: a second line within {self.hidden_hz:.2g} Hz; a sensor's gain drift, of which 1 % reads as "
-            f"{100.0 * self.drift_ratio(0.01):.2g} % of damping"
+            f"not to be seen: a second line within {self.hidden_hz:.2g} Hz; a sensor's gain drift, of which 1 % reads "
+            f"as {100.0 * self.drift_ratio(0.01):.2g} % of damping"
         )
         return tuple(found)
 
