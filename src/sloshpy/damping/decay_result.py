@@ -203,7 +203,7 @@ class FreeDecay:
             found.append(f"a second line at {w2 / 2.0 / np.pi:.4g} Hz is fitted beside the first")
         if "k" in choice.best.laws[0].free:
             change = 100.0 * self.estimate("frequency_change").value
-            found.append(f"the frequency moves with the amplitude: {change:+.3g} % at the start")
+            found.append(f"the frequency moves with the amplitude: {change:+.3g} % at the start, as in part of a beat")
         if choice.excess > 1.0:
             found.append(
                 f"the residual is not white: {choice.excess:.3g} times its mean power at the line, and so "
