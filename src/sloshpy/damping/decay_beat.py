@@ -73,10 +73,10 @@ def check_near_beat(record: DecayRecord, best: DecayFit, beat: Beat | None) -> N
     constant lines, four numbers more, come that near by Schwarz's criterion, the record does not say which it is, and
     the damping of the lines may be twice the law's, or half of it. A frequency that moves must beat them beyond doubt.
     """
-    if beat is None:
+    if beat is None or beat.excess > 1.0:  # coloured noise raises peaks of its own
         return
     moving = "k" in best.laws[0].free
-    least = _STRONG if moving else _BEHIND if beat.excess == 1.0 else 0.0  # coloured noise raises peaks of its own
+    least = _STRONG if moving else _BEHIND
     if beat.behind < least and (moving or not _one_frequency(beat.pair)):
         law = "a frequency that moves with the amplitude" if moving else "a law of damping"
         value = f"the line at {best.values[0, 0] / 2.0 / np.pi:.4g} Hz"

@@ -238,11 +238,11 @@ class FreeDecay:
                 f"the record reaches from {last:.3g} to {first:.3g} {unit}, but shows the damping to "
                 f"{100.0 * KNOWN:g} % only at the amplitudes given here"
             )
-        out = (self.ratio <= self.ratio_low) | (self.ratio >= self.ratio_high)
+        out = (self.ratio < self.ratio_low) | (self.ratio > self.ratio_high)
         if np.any(out):
             at = ", ".join(f"{self.amplitude[k]:.3g}" for k in np.flatnonzero(out)[[0, -1]])
             found.append(
-                f"caution: no law here fits everywhere: the band, which needs none, is widened to it at {at} {unit}"
+                f"caution: no law here fits everywhere: it leaves the band, which holds without one, at {at} {unit}"
             )
         return found
 

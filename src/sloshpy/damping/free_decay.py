@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sloshpy.damping import decay_checks as checks
-from sloshpy.damping.decay_band import Draws, bootstrap, interval, known_range, with_law
+from sloshpy.damping.decay_band import Draws, bootstrap, check_law, interval, known_range
 from sloshpy.damping.decay_beat import check_near_beat
 from sloshpy.damping.decay_choice import Choice, choose_law
 from sloshpy.damping.decay_fit import DecayFit
@@ -72,7 +72,7 @@ def free_decay(
     ratio = ratio_at(best.values[0], amplitude / best.start_amplitude[0])
     found = bootstrap(about, noise, amplitude, draws, seed)
     low, high = interval(found.ratio, LEVEL)
-    low, high = with_law(part, amplitude, ratio, low, high)
+    check_law(part, amplitude, ratio, low, high)
     return FreeDecay(
         record=part,
         measured=measured,
