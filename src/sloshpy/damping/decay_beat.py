@@ -13,8 +13,9 @@ from sloshpy.units import Array
 
 APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
 _STRONG = 10.0  # by which Schwarz's criterion must fall for another line or a frequency that moves: "very strong"
-_BEHIND = 8.0  # by which it must rise from a law to two lines: of 800 good records 2 stay below
+_BEHIND = 6.0  # by which it must rise from a law to two lines; what good records leave below it is in docs/decay.md
 _ONE, _UNLIKE = 0.2, 3.0  # beats in the record, ratio of dampings: two decays at one frequency are a law, not a beat
+_WHOLE = 1.25  # beats: farther apart, lines are told from noise by the strong criterion alone
 _STARTS = (1.0, 0.25)  # beats within the record
 
 
@@ -77,7 +78,7 @@ def check_near_beat(record: DecayRecord, best: DecayFit, beat: Beat | None) -> N
         return
     moving = "k" in best.laws[0].free
     least = _STRONG if moving else _BEHIND
-    if beat.behind < least and (moving or not _one_frequency(beat.pair)):
+    if beat.behind < least and (moving or _near(beat.pair)):
         law = "a frequency that moves with the amplitude" if moving else "a law of damping"
         value = f"the line at {best.values[0, 0] / 2.0 / np.pi:.4g} Hz"
         rule = f"two close lines, less than a beat or little more, explain it nearly as well as {law}"
@@ -85,10 +86,11 @@ def check_near_beat(record: DecayRecord, best: DecayFit, beat: Beat | None) -> N
         raise record.refused(value, rule, cure)
 
 
-def _one_frequency(pair: DecayFit) -> bool:
-    """Whether two lines differ in their damping alone, as the sum of exponentials that draws a power law does."""
+def _near(pair: DecayFit) -> bool:
+    """Whether two lines make a beat at most, and differ in more than their damping, as a power law's exponentials do."""
     (w1, slow, *_), (w2, fast, *_) = sorted(pair.values, key=lambda values: float(values[1]))
-    return bool(abs(w2 - w1) * pair.time[-1] < _ONE * 2.0 * np.pi and 0.0 < _UNLIKE * slow < fast)
+    beats = abs(w2 - w1) * pair.time[-1] / (2.0 * np.pi)
+    return bool(beats < _WHOLE and not (beats < _ONE and 0.0 < _UNLIKE * slow < fast))
 
 
 def _close_lines(record: DecayRecord, time: Array, line: Line, best: DecayFit) -> DecayFit | None:
