@@ -87,7 +87,7 @@ def check_near_beat(record: DecayRecord, best: DecayFit, beat: Beat | None) -> N
 
 
 def _near(pair: DecayFit) -> bool:
-    """Whether two lines make about a beat at most, and differ in more than their damping, unlike a power law's terms."""
+    """Whether two lines make a beat or little more, and do not differ in damping alone, as a power law's terms do."""
     (w1, slow, *_), (w2, fast, *_) = sorted(pair.values, key=lambda values: float(values[1]))
     beats = abs(w2 - w1) * pair.time[-1] / (2.0 * np.pi)
     return bool(beats < _WHOLE and not (beats < _ONE and 0.0 < _UNLIKE * slow < fast))
