@@ -3,16 +3,20 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/free_decay.py laws [RECORDS] [SEED]
     OPENBLAS_NUM_THREADS=1 python benchmarks/free_decay.py noise [RECORDS] [SEED]
     OPENBLAS_NUM_THREADS=1 python benchmarks/free_decay.py kicks [RECORDS] [SEED]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/free_decay.py beats [RECORDS] [SEED]
 
 laws: 20 cycles of 16 samples, white noise of 1 % of the first amplitude, each law. noise: other levels and lengths, and
 coloured noise. kicks: records of any law here, 8 to 40 cycles of 12 to 64 samples, noise of 0.1 to 3 %, undisturbed and
 with a jump of the wave of 0.3 to 30 % of the first amplitude at a random moment; wrong is an answer that is off by more
-than 5 % and 1.5 half bands somewhere. Tables are Markdown, for docs/decay.md. The seeds are not those of the tests.
+than 5 % and 1.5 half bands somewhere. beats: two lines of one constant damping of 0.3 to 2 %, 0.3 to 30 % apart, the
+second of 3 to 100 % of the first, 8 to 40 cycles of 16 samples, noise of 0.5 %; wrong is more than 5 % off and outside
+the band somewhere. Tables are Markdown, for docs/decay.md. The seeds are not those of the tests.
 """
 
 import sys
 import time as clock
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import lfilter
@@ -134,6 +138,46 @@ def kicks(records: int, seed: int) -> None:
         )
 
 
+def two_lines(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return time, record, damping and the beats in the record of two lines of one damping."""
+    xi, apart = generator.uniform(0.003, 0.02), generator.choice([0.003, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3])
+    share, cycles = generator.choice([0.03, 0.1, 0.3, 0.6, 1.0]), int(generator.choice([8, 15, 25, 40]))
+    ratio = 1.0 + apart * generator.choice([-1.0, 1.0])
+    time = np.arange(0.0, cycles * np.pi, np.pi / 16)
+    turns = generator.uniform(0.0, 2.0 * np.pi, 2)
+    value = sum(
+        size * np.exp(-xi * w * time) * np.cos(w * time + turn)
+        for size, w, turn in zip((1.0, share), (2.0, 2.0 * ratio), turns, strict=True)
+    )
+    return time, 0.2 * (value + 0.005 * generator.standard_normal(len(time))), float(xi), float(apart * cycles)
+
+
+def beats(records: int, seed: int) -> None:
+    """Print, by the beats in a record, how many records of two lines are refused, right and wrong, and the worst."""
+    edges = [0.0, 0.1, 0.25, 0.5, 1.0, 2.0, np.inf]
+    count: Counter[tuple[int, str]] = Counter()
+    worst = np.zeros(len(edges) - 1)
+    for k in range(seed, seed + records):
+        time, value, xi, whole = two_lines(np.random.default_rng(k))
+        place = int(np.searchsorted(edges, whole, side="right")) - 1
+        found = identify(time, value, k)
+        if found is None:
+            count[place, "refused"] += 1
+            continue
+        error = float(np.max(np.abs(found.ratio / xi - 1.0)))
+        held = np.all((found.ratio_low <= xi) & (xi <= found.ratio_high))
+        count[place, "wrong" if error > 0.05 and not held else "right"] += 1
+        worst[place] = max(worst[place], error)
+    print("| beats in the record | records | refused | right | wrong | worst |\n|" + " --- |" * 6)
+    for place, (low, high) in enumerate(pairwise(edges)):
+        cells = [count[place, name] for name in ("refused", "right", "wrong")]
+        print(
+            f"| {low:g} to {high:g} | {sum(cells)} | "
+            + " | ".join(map(str, cells))
+            + f" | {100 * worst[place]:.0f} % |"
+        )
+
+
 def main() -> None:
     """Print the table that is asked for."""
     what = sys.argv[1] if len(sys.argv) > 1 else "laws"
@@ -141,6 +185,9 @@ def main() -> None:
     seed = int(sys.argv[3]) if len(sys.argv) > 3 else 10_000_000
     if what == "kicks":
         kicks(records, seed)
+        return
+    if what == "beats":
+        beats(records, seed)
         return
     heading()
     if what == "laws":

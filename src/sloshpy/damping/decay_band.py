@@ -11,6 +11,7 @@ from sloshpy.damping.decay_tangent import Tangent
 from sloshpy.units import Array
 
 KNOWN = 0.08  # of xi: where the half band is wider, nothing is said; the choice among laws then biases by 2 % at most
+_OUTSIDE = 1.0  # half bands: a band of 95 % at each amplitude leaves out a law somewhere more often, but not so far
 _LOOKED_AT = 73  # amplitudes between the record's ends
 _AT_ONCE = 500_000  # numbers of resampled residuals held at once: they stay in the cache
 
@@ -102,6 +103,29 @@ def _moves(rows: Array, noise: Noise, draws: int, generator: np.random.Generator
         )  # thrice as fast as 64 bits
         parts.append(noise.shocks[drawn] @ answer)
     return np.concatenate(parts)
+
+
+def check_law(record: DecayRecord, amplitude: Array, ratio: Array, low: Array, high: Array) -> None:
+    """Refuse a law that is farther outside the band, which holds without one, than chance lets it be.
+
+    Args:
+        record: that was fitted.
+        amplitude: in the record's unit, (amplitudes,).
+        ratio: of the law, (amplitudes,).
+        low, high: of the band, (amplitudes,).
+
+    Raises:
+        InputError: law and band contradict each other.
+    """
+    outside = np.maximum(low - ratio, ratio - high) / (0.5 * (high - low))
+    k = int(np.argmax(outside))
+    if outside[k] > _OUTSIDE:
+        value = (
+            f"damping {100.0 * ratio[k]:.4g} % by the best law, {100.0 * low[k]:.4g} to {100.0 * high[k]:.4g} % "
+            f"without one, at an amplitude of {amplitude[k]:.3g} {record.unit}"
+        )
+        cure = "look for a beat of two close lines, or for a disturbance; record for longer"
+        raise record.refused(value, "no law of damping agrees with its own record", cure)
 
 
 def interval(samples: Array, level: float) -> tuple[Array, Array]:

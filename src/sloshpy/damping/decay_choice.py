@@ -5,16 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sloshpy.damping.decay_beat import APART, Beat, beat_of, check_beat, far_better
 from sloshpy.damping.decay_checks import FALSE_ALARM, noise_excess, white
 from sloshpy.damping.decay_fit import DecayFit, fit_decay
 from sloshpy.damping.decay_model import CONSTANT, FLATTEST, LAWS, STEEPEST, DecayLaw
 from sloshpy.damping.decay_record import DecayRecord
-from sloshpy.damping.decay_start import Line, spectrum, two_lines_of
+from sloshpy.damping.decay_start import Line, spectrum
+from sloshpy.errors import InputError
 from sloshpy.units import Array
 
 _STEADY = 0.02  # of the amplitude, over the whole record: no decay worth the name
-_STRONG = 10.0  # by which it must fall for another line or a frequency that moves: their "very strong"
-_APART = 0.25  # of the frequency: two lines farther apart do not beat slowly
+_STRONG = 10.0  # by which Schwarz's criterion must fall: "very strong"
 _FLATTENED = 0.01  # of the amplitude: third harmonic; damping makes one itself, of about a tenth of its ratio
 _DRIFT = 1.5  # cycles within the record: what is slower is drift
 _GROWN = 0.5  # of its logarithm: by how much a second line may seem to grow, one that is driven on and noisy
@@ -26,7 +27,7 @@ class Choice:
     """Every law that a record allows, best first, with its criterion.
 
     constant: the fit of a constant ratio, with any second line taken out of the record. excess: of the noise at the
-    line. falling: whether damping that falls with the amplitude would fit far better.
+    line. falling: whether damping that falls with the amplitude would fit far better. beat: two close lines instead.
     """
 
     fits: tuple[DecayFit, ...]
@@ -34,6 +35,7 @@ class Choice:
     criteria: Array
     excess: float
     falling: bool
+    beat: Beat | None
 
     @property
     def best(self) -> DecayFit:
@@ -65,20 +67,17 @@ def choose_law(record: DecayRecord, line: Line) -> Choice:
     if alone is not record or laws is not LAWS:
         fits = _fit_laws(alone, time, line, laws)
         best = min(fits, key=DecayFit.information)
-    pair = _close_lines(alone, time, line, best)
-    if pair is not None:
-        _check_steady(record, fits, time)
-        if abs(pair.values[0, 0] - pair.values[1, 0]) * time[-1] < np.pi:  # half a beat: not told apart
-            value = f"the line at {line.frequency / 2.0 / np.pi:.4g} Hz"
-            cure = "look for friction, a disturbance or excitation within the record, clipping, or two close lines"
-            raise record.refused(value, "no law of damping describes its amplitude and phase", cure)
-        f1, f2 = sorted(pair.values[:, 0] / 2.0 / np.pi)
-        cure = "rotate x and y to the tank's axes, excite one mode alone, or look for a disturbance in the record"
-        raise record.refused(f"two lines {f1:.4g} / {f2:.4g} Hz", "single-mode damping refused", cure)
+    beat = beat_of(alone, time, line, best)
+    if beat is not None:
+        try:
+            check_beat(record, line, beat)
+        except InputError:
+            _check_steady(record, fits, time)
+            raise
     constant = next((fit for fit in fits if fit.laws[0].name == "constant"), best)
     if both is not None:
         fits = _fit_beside(record, time, fits, both.values[1]) or [both]
-    return _in_order(fits, constant)
+    return _in_order(fits, constant, beat)
 
 
 def _check_steady(record: DecayRecord, fits: list[DecayFit], time: Array) -> None:
@@ -122,7 +121,7 @@ def _fit_beside(record: DecayRecord, time: Array, fits: list[DecayFit], beside: 
     return [fit for fit in again if fit is not None and _apart(fit)]
 
 
-def _in_order(fits: list[DecayFit], constant: DecayFit) -> Choice:
+def _in_order(fits: list[DecayFit], constant: DecayFit, beat: Beat | None) -> Choice:
     """Put the laws in order by Akaike's criterion.
 
     Schwarz's would keep to one number longer, and bias the damping of a law between those tried by a standard error.
@@ -139,6 +138,7 @@ def _in_order(fits: list[DecayFit], constant: DecayFit) -> Choice:
         criteria=np.array([fit.akaike(excess) for fit in ordered]),
         excess=excess,
         falling=falling,
+        beat=beat,
     )
 
 
@@ -155,13 +155,7 @@ def _possible(fit: DecayFit) -> bool:
 def _apart(fit: DecayFit) -> bool:
     """Whether the second line of a fit is one: it has not wandered to the first, nor does it die at once or grow."""
     (w1, *_), (w2, ratio, *_) = fit.values
-    return bool(abs(w2 / w1 - 1.0) >= _APART and ratio < 0.3 and ratio * w2 * fit.time[-1] > -_GROWN)
-
-
-def _far_better(fit: DecayFit, other: DecayFit, excess: float) -> bool:
-    """Whether a fit beats another beyond doubt; by thrice as much where coloured noise raises peaks of its own."""
-    margin = _STRONG if excess == 1.0 else 3.0 * _STRONG
-    return fit.information(excess) < other.information(excess) - margin
+    return bool(abs(w2 / w1 - 1.0) >= APART and ratio < 0.3 and ratio * w2 * fit.time[-1] > -_GROWN)
 
 
 def _moving(best: DecayFit, time: Array, record: DecayRecord) -> DecayFit | None:
@@ -170,26 +164,7 @@ def _moving(best: DecayFit, time: Array, record: DecayRecord) -> DecayFit | None
         return None
     law = replace(best.laws[0], free=(*best.laws[0].free, "k"))
     fit = fit_decay([law], best.values, time, record.value)
-    return fit if fit is not None and _far_better(fit, best, noise_excess(fit)) else None
-
-
-def _close_lines(record: DecayRecord, time: Array, line: Line, best: DecayFit) -> DecayFit | None:
-    """Return the fit of two close lines where it is better than that of any law."""
-    w = best.values[0, 0]
-    shift = 2.0 * np.pi / time[-1]
-    guesses = [two_lines_of(line), [(w - 0.5 * shift, line.ratio), (w + 0.5 * shift, line.ratio)]]
-    found = []
-    for guess in guesses:
-        if guess is None:
-            continue
-        start = np.array([[frequency, ratio, 0.0, 1.0, 0.0] for frequency, ratio in guess])
-        fit = fit_decay([CONSTANT, CONSTANT], start, time, record.value)
-        if fit is not None and np.all(np.abs(fit.values[:, 0] / w - 1.0) < _APART):
-            found.append(fit)
-        if white(best):
-            break  # nothing is left to explain: one guess is enough
-    closest = min(found, key=DecayFit.information, default=None)
-    return closest if closest is not None and _far_better(closest, best, noise_excess(closest)) else None
+    return fit if fit is not None and far_better(fit, best, noise_excess(fit)) else None
 
 
 def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> DecayFit | None:
@@ -207,11 +182,11 @@ def _separate_line(record: DecayRecord, time: Array, best: DecayFit) -> DecayFit
     if share[k] < np.log(len(f) / 4.0 / FALSE_ALARM):  # Fisher: an exponential variable among n/2 of them
         return None
     w1, w2 = best.values[0, 0], 2.0 * np.pi * float(f[k])
-    if abs(w2 / w1 - 1.0) < _APART:
+    if abs(w2 / w1 - 1.0) < APART:
         return None  # a misfit of the law, or two lines that the fit of two has not told apart
     second = np.array([w2, max(float(best.values[0, 1]), 0.002), 0.0, 1.0, 0.0])
     fit = fit_decay([best.laws[0], CONSTANT], np.stack([best.values[0], second]), time, record.value)
-    if fit is None or not _apart(fit) or not _far_better(fit, best, noise_excess(fit, mode=1)):
+    if fit is None or not _apart(fit) or not far_better(fit, best, noise_excess(fit, mode=1)):
         return None
     if fit.values[1, 0] * time[-1] < _DRIFT * 2.0 * np.pi:
         raise record.refused("drift", "is no straight line or parabola", "take the slow part out of the record")

@@ -80,6 +80,19 @@ class FreeDecay:
         return float(self.f_hz * (self.record.time[-1] - self.record.time[0]))
 
     @property
+    def hidden_hz(self) -> float:
+        """How near in Hz a second line may hide: one beat in the record, below which it can look like damping."""
+        return float(1.0 / (self.record.time[-1] - self.record.time[0]))
+
+    def drift_ratio(self, drift: float) -> float:
+        """Return the damping ratio by which a sensor errs whose gain falls by a share `drift` over the record.
+
+        A'/A of the record is that of the wave and of the gain together, so that it is -ln(1 - drift)/(w T), whatever
+        the law; a gain that rises takes as much away.
+        """
+        return float(-np.log1p(-drift) / (self.frequency * (self.record.time[-1] - self.record.time[0])))
+
+    @property
     def noise(self) -> float:
         """Standard deviation of the noise in the record's unit."""
         return self.choice.best.noise
@@ -190,7 +203,7 @@ class FreeDecay:
             found.append(f"a second line at {w2 / 2.0 / np.pi:.4g} Hz is fitted beside the first")
         if "k" in choice.best.laws[0].free:
             change = 100.0 * self.estimate("frequency_change").value
-            found.append(f"the frequency moves with the amplitude: {change:+.3g} % at the start")
+            found.append(f"the frequency moves with the amplitude: {change:+.3g} % at the start, as in part of a beat")
         if choice.excess > 1.0:
             found.append(
                 f"the residual is not white: {choice.excess:.3g} times its mean power at the line, and so "
@@ -208,6 +221,10 @@ class FreeDecay:
             found.append(f"steps scatter by {100.0 * self.sampling.jitter:.2g} % of {self.sampling.step:.4g} s")
         if self.sampling.widest > 1.5 * self.sampling.step:
             found.append(f"samples are missing: the widest gap is {self.sampling.widest:.4g} s")
+        found.append(
+            f"not to be seen: a second line within {self.hidden_hz:.2g} Hz; a sensor's gain drift, of which 1 % reads "
+            f"as {100.0 * self.drift_ratio(0.01):.2g} % of damping"
+        )
         return tuple(found)
 
     def _about_the_range(self) -> list[str]:
@@ -224,7 +241,9 @@ class FreeDecay:
         out = (self.ratio < self.ratio_low) | (self.ratio > self.ratio_high)
         if np.any(out):
             at = ", ".join(f"{self.amplitude[k]:.3g}" for k in np.flatnonzero(out)[[0, -1]])
-            found.append(f"no law here fits everywhere: it leaves the band, which holds without one, at {at} {unit}")
+            found.append(
+                f"caution: no law here fits everywhere: it leaves the band, which holds without one, at {at} {unit}"
+            )
         return found
 
     def __str__(self) -> str:
@@ -279,6 +298,8 @@ class FreeDecay:
             "ratio_low": self.ratio_low.tolist(),
             "ratio_high": self.ratio_high.tolist(),
             "second_line_hz": None if second is None else second[0] / (2.0 * np.pi),
+            "hidden_line_within_hz": self.hidden_hz,
+            "damping_per_percent_of_gain_drift": self.drift_ratio(0.01),
             "noise": self.noise,
             "cycles": self.cycles,
             "laws": [

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from sloshpy.damping import decay_checks as checks
-from sloshpy.damping.decay_band import Draws, bootstrap, interval, known_range
+from sloshpy.damping.decay_band import Draws, bootstrap, check_law, interval, known_range
+from sloshpy.damping.decay_beat import check_near_beat
 from sloshpy.damping.decay_choice import Choice, choose_law
 from sloshpy.damping.decay_fit import DecayFit
 from sloshpy.damping.decay_kick import check_kick
@@ -71,6 +72,7 @@ def free_decay(
     ratio = ratio_at(best.values[0], amplitude / best.start_amplitude[0])
     found = bootstrap(about, noise, amplitude, draws, seed)
     low, high = interval(found.ratio, LEVEL)
+    check_law(part, amplitude, ratio, low, high)
     return FreeDecay(
         record=part,
         measured=measured,
@@ -102,6 +104,7 @@ def _identified(
     about = tangent(best)
     noise = noise_of(about)
     check_kick(part, about, noise)
+    check_near_beat(part, best, choice.beat)
     return choice, floor, halves, about, noise
 
 
