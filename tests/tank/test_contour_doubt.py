@@ -125,6 +125,19 @@ def test_the_error_holds_for_every_mode_where_few_points_are_wetted(shape, fill)
     assert abs(found.rigid_lid_inertia / exact.rigid_lid_inertia - 1.0) <= found.rigid_lid_error
 
 
+@pytest.mark.parametrize("points", [14, 20, 30])
+def test_the_error_holds_for_domes_at_even_radii_where_the_wall_turns_upright(points):
+    """Near 20 points the errors of axis and equator cancel between all points and half of them, not in themselves."""
+    r = np.linspace(0.0, 1.6, points)
+    rise = 1.1 * (1.0 - np.sqrt(np.maximum(1.0 - (r / 1.6) ** 2, 0.0)))
+    z, r = np.concatenate([rise, 4.7 - rise[::-1]]), np.concatenate([r, r[::-1]])
+    for fill in (0.6, 1.0, 1.5, 3.0, 4.2):
+        found = slosh_masses(tank({"kind": "contour", "z": z.tolist(), "r": r.tolist()}, fill))
+        exact = slosh_masses(tank({"kind": "capsule", "radius": 1.6, "barrel": 2.5, "dome": 1.1}, fill))
+        true, claimed = errors(found, exact)
+        assert np.all(true <= claimed)
+
+
 def test_a_dome_crosses_the_axis_level():
     wall = Contour(**{k: np.array(v) for k, v in even_heights(20).items() if k != "kind"}).outer
     assert len(wall) == 1

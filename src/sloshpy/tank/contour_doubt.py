@@ -15,6 +15,7 @@ from sloshpy.tank.pieces import Curve
 from sloshpy.tank.shapes import Contour, Wall
 from sloshpy.units import Array
 
+_THIRD = 0.25  # of what a third of the points change is what a half does, where a cubic has converged: (2/3)^4 and some
 _SHORT = 7  # points of a curve that may as well be straight lines between them
 _DRAWS = 4  # of roundings, each to its full extent, which is 1.7 times the standard deviation of a rounding
 # spheres of 8 to 120 points, exact and rounded to 1e-3, 1e-4 and 1e-5 of the radius, 5 to 95 % deep, ask for so much
@@ -29,10 +30,11 @@ _ALL = 1.0  # the doubt where a wall that the points allow has no slosh modes
 
 @dataclass(frozen=True, kw_only=True)
 class Walls:
-    """A wall that the points would allow as well."""
+    """A wall that the points would allow as well, and the share of its change that counts."""
 
     outer: Wall
     inner: Wall
+    share: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +57,11 @@ class Doubt:
 def doubt_of(shape: Contour, section: LiquidSection, modes: int, wanted: int) -> Doubt:
     """Return how far the results change from wall to wall, of those that the points of a contour allow.
 
-    The modes are solved again, on one coarse mesh that moves with the wall: with a curve through half as many points;
-    with a curve that need not be level on the axis; with a curve where the points bend like one and scatter too much to
-    be taken for it, or where few points with edges may mean one; with straight lines in place of a curve through seven
-    points or less; and with the points moved by half of their last digit up or down, four times. Three times the sum
-    of the greatest change between points and the greatest by rounding, 7.5 times for the fixed inertia, which is a
+    The modes are solved again, on one coarse mesh that moves with the wall: with a curve through a half and a third of
+    the points; with one that need not be level on the axis; with one where the points bend like a curve and scatter too
+    much to be taken for it, or where few points with edges may mean one; with straight lines in place of one through
+    seven points or less; and with the points moved by half of their last digit up or down, four times. Three times the
+    sum of the greatest change between points and the greatest by rounding, 7.5 times for the fixed inertia, which is a
     difference. Points that stand for straight lines are taken at their word.
     """
     nothing = Doubt(modes=np.zeros(modes), lid=0.0, fixed=0.0)
@@ -71,7 +73,7 @@ def doubt_of(shape: Contour, section: LiquidSection, modes: int, wanted: int) ->
     total = np.zeros(modes + 2)
     for walls in (between, rounded):
         if walls:
-            total += np.max([_changes(wall, found.mesh, base, modes, wanted) for wall in walls], axis=0)
+            total += np.max([wall.share * _changes(wall, found.mesh, base, modes, wanted) for wall in walls], axis=0)
     total *= np.append(np.full(modes + 1, _CAUTION), _CAUTION * _OF_FIXED)
     return Doubt(modes=total[:modes], lid=float(total[modes]), fixed=float(total[modes + 1]))
 
@@ -116,8 +118,11 @@ def _between(shape: Contour) -> Iterator[Walls]:
     outer, inner = shape.outer, shape.inner
     both = (shape.outer_points, shape.inner_points)
     if any(isinstance(piece, Curve) for piece in (*outer, *inner)):
-        fewer = [tuple(p.coarse if isinstance(p, Curve) else p for p in wall) for wall in (outer, inner)]
-        yield Walls(outer=fewer[0], inner=fewer[1])
+        half = [tuple(p.coarse if isinstance(p, Curve) else p for p in wall) for wall in (outer, inner)]
+        third = [tuple(p.coarse if isinstance(p, Curve) else p for p in wall) for wall in half]
+        yield Walls(outer=half[0], inner=half[1])
+        # the error may change its sign between two densities, whose difference is then small
+        yield Walls(outer=third[0], inner=third[1], share=_THIRD)
     if any(isinstance(piece, Curve) and piece.free for piece in (*outer, *inner)):
         free = [tuple((isinstance(p, Curve) and p.free) or p for p in wall) for wall in (outer, inner)]
         yield Walls(outer=free[0], inner=free[1])

@@ -91,7 +91,7 @@ class Curve:
 
     spline: "CubicSpline | BSpline"
     knots: Array
-    coarse: "Curve | Polygon"  # of half as many points, or straight: the difference tells what the points leave open
+    coarse: "Curve | Polygon"  # of a half of the points, or a third, or straight: what it changes, they leave open
     free: "Curve | None"  # the same without being level on the axis; None where it is not
 
     @property
@@ -138,10 +138,13 @@ def polygon_through(points: Sequence[tuple[float, float]]) -> Polygon:
 def curve_through(points: Sequence[tuple[float, float]]) -> Curve:
     """Return the curve through at least three points (r, z), level where it crosses the axis without an edge."""
     p, length = _over_length(points)
-    fewer = np.unique(np.append(np.arange(0, len(p), 2), len(p) - 1))
     coarse: Curve | Polygon = Polygon(length=length, points=p)
-    if len(fewer) > 3:
-        coarse = _level(p[fewer], length[fewer], coarse)
+    every = np.arange(len(p))
+    # a third counted from both ends, so that the chords there, often the longest, are longer in that curve
+    third = np.append(every[: len(p) // 2 + 1 : 3], every[: len(p) // 2 : -3])
+    for fewer in (np.unique(third), np.unique(np.append(every[::2], every[-1]))):
+        if len(fewer) > 3:
+            coarse = _level(p[fewer], length[fewer], coarse)
     return _level(p, length, coarse)
 
 
