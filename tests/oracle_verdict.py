@@ -101,9 +101,9 @@ def shares(case, xi, omega):
     return np.array([*part, 1.0 - sum(part)])
 
 
-def belongs(share, tank):
-    """Whether a minimum is a tank's: its share is at least half of the greatest, within what h can tell."""
-    return share[tank] > 0 and share[tank] >= 0.5 * share.max()
+def belongs(share, *tanks):
+    """Whether a minimum is one tank's of some: its share is at least half of the greatest, within what h can tell."""
+    return any(share[j] > 0 and share[j] >= 0.5 * share.max() for j in tanks)
 
 
 def doubtful(share, tank):
@@ -111,15 +111,15 @@ def doubtful(share, tank):
     return abs(share[tank] - 0.5 * share.max()) < 1e-3 * np.abs(share).max()
 
 
-def good(case, xi, tank, slack):
-    """Whether the loop is stable and no minimum of a tank lies below the criterion; None where that cannot be told."""
+def good(case, xi, tanks, slack):
+    """Whether the loop is stable and no minimum of the tanks lies below the criterion; None where one cannot tell."""
     if not second.stable(second.second_order(case.vehicle, xi), case.autopilot):
         # through the critical point itself: another tank's requirement holds the loop at neutral
         return None if min((value for _, value in minima(case, xi, 0.1)), default=1.0) < 1e-5 else False
     for omega, value in minima(case, xi, below=case.criteria.disc_margin + 0.05):
         share = shares(case, xi, omega)
-        if value < case.criteria.disc_margin - slack and belongs(share, tank):
-            return None if doubtful(share, tank) else False
+        if value < case.criteria.disc_margin - slack and belongs(share, *tanks):
+            return None if all(doubtful(share, j) for j in tanks if belongs(share, j)) else False
     return True
 
 
@@ -190,18 +190,20 @@ def compare(case, review, joint, tally):
     unsupported = False
     for j, (tank, told) in enumerate(zip(case.vehicle.tanks, review["tanks"], strict=True)):
         needed, cycle = told["required_damping_together"], told["limit_cycle"]
+        # the tanks whose minima its requirement counts
+        count = [j, *(k for k, t in enumerate(case.vehicle.tanks) if t.name in told["shared_with"])]
 
         def damped(ratio, j=j):
             return np.where(np.arange(n) == j, ratio, joint)
 
         if needed is None:
-            verdicts = [good(case, damped(1.0), j, 1e-4)]
+            verdicts = [good(case, damped(1.0), count, 1e-4)]
             expect("no damping suffices", verdicts[0] is not True)
             reasons.append("no damping suffices")
             expect("acceptable", cycle["acceptable"] is False)
             continue
         for level in LEVELS[needed * 1.02 < LEVELS]:
-            expect("good above", good(case, damped(level), j, 1e-4) is not False)
+            expect("good above", good(case, damped(level), count, 1e-4) is not False)
         if needed == 0.0:
             expect("acceptable", cycle["acceptable"] is True)
             continue
@@ -211,10 +213,13 @@ def compare(case, review, joint, tally):
         # a margin reached is exact; stability, or the end of a shallow minimum, is seen sharply by neither side
         beside = 1e-3 if abs(reached) < 1e-6 else 2e-2
         tally["margin reached to 1e-6" if beside < 1e-2 else "stability or the end of a minimum"] += 1
-        expect("good just above", good(case, damped(needed * (1 + beside)), j, 1e-6) is not False)
+        tally["requirement shared with another tank"] += len(count) > 1
+        expect("good just above", good(case, damped(needed * (1 + beside)), count, 1e-6) is not False)
         # a joint requirement of one tank leaves another one at the criterion already, with next to no damping
         # and a minimum may hardly move with the damping of a tank: its value is good to rounding
-        expect("bad just below", needed < 1e-8 or good(case, damped(needed * (1 - beside)), j, 1e-9) is not True)
+        expect("bad just below", needed < 1e-8 or good(case, damped(needed * (1 - beside)), count, 1e-9) is not True)
+        if len(count) > 1:  # its own minima alone would let it be less, and then another tank is short
+            expect("shared for a reason", good(case, damped(needed * (1 - beside)), [j], 1e-9) is not False)
         if cycle["tvc_amplitude_rad"] is None:
             unsupported |= cycle["acceptable"] is None
             continue

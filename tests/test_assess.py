@@ -28,6 +28,7 @@ TANK = {
     "neutral_damping",
     "required_damping",
     "required_damping_together",
+    "shared_with",
     "limit_cycle",
 }
 CYCLE = {

@@ -333,7 +333,7 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
 
 def _other_minima(found: Margins, tanks: int) -> Array:
     """Return the disc margins of the minima that belong to no tank, inf in the place of the rest."""
-    shared = np.any([found.related(j) for j in range(tanks)], axis=0)
+    shared = found.related(*range(tanks))
     return np.where(shared | ~np.isfinite(found.minima.value), np.inf, found.minima.value)
 
 
@@ -350,7 +350,7 @@ def _read_at(case: Case, used: Array, damping: Real | None, amplitude: Real | No
 
 
 _UNKNOWN: dict[str, Any] = dict.fromkeys(
-    ("neutral_damping", "required_damping", "required_damping_together", "limit_cycle")
+    ("neutral_damping", "required_damping", "required_damping_together", "shared_with", "limit_cycle")
 )
 
 
@@ -375,6 +375,7 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:
         "neutral_damping": float(tank.required.neutral),
         "required_damping": float(tank.required.required),
         "required_damping_together": float(c.required.required),
+        "shared_with": list(c.required.shared_with),
         "limit_cycle": {
             "band_hz": [np.min(c.band) / hertz, np.max(c.band) / hertz] if c.band.size else None,
             "slosh_amplitude_m": c.slosh_amplitude,

@@ -22,7 +22,7 @@ from sloshpy.stability import (
     RequiredDamping,
     danger_zone,
     joint_damping,
-    loop_required_damping,
+    joint_required_damping,
     margins,
     track_modes,
 )
@@ -229,7 +229,7 @@ def _at_time(case: Case, whole: bool) -> _AtTime:
             return _AtTime(held=required[0].source.damping, required=required, assessment=review, unsupported="")
     held = joint_damping(case)
     together, wanted = open_loop(case, held), case.criteria.disc_margin
-    required = tuple(loop_required_damping(together, case.criteria, j, wanted) for j in range(len(case.vehicle.tanks)))
+    required = tuple(joint_required_damping(together, case.criteria, j, wanted) for j in range(len(case.vehicle.tanks)))
     return _AtTime(held=together.damping, required=required, assessment=None, unsupported=unsupported)
 
 

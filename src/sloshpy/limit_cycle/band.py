@@ -15,15 +15,15 @@ from sloshpy.stability.nichols import nichols_disc_margin, sampled
 from sloshpy.units import Array, ComplexArray
 
 
-def slosh_band(loop: Loop, criteria: Criteria, tank: int) -> Array:
-    """Return the intervals with DM below the limit-cycle threshold about a tank's own minima, (K, 2), rad/s.
+def slosh_band(loop: Loop, criteria: Criteria, *tanks: int) -> Array:
+    """Return the intervals with DM below the limit-cycle threshold about the minima of tanks, (K, 2), rad/s.
 
     An interval that reaches past the frequencies sampled, down to rest or up to half the sampling rate, ends there.
     """
     from scipy.optimize import elementwise  # 0.4 s: only when a limit cycle is wanted
 
     found = loop_margins(loop, criteria, crossings=False)
-    own = found.minima.omega[found.related(tank) & (found.minima.value < criteria.limit_cycle_disc_margin)]
+    own = found.minima.omega[found.related(*tanks) & (found.minima.value < criteria.limit_cycle_disc_margin)]
     curve = sampled(loop, criteria.gain_margin, criteria.phase_margin)
     omega = np.unique(np.concatenate([curve.omega, own]))
 

@@ -20,8 +20,9 @@ from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.band import engine_per_slosh, inner_peak, slosh_band
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
+from sloshpy.stability.joint_damping import falls_short, joint_damping, joint_required_damping
 from sloshpy.stability.margins import loop_margins
-from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping
+from sloshpy.stability.required_damping import RequiredDamping
 from sloshpy.units import Array
 
 if TYPE_CHECKING:
@@ -163,7 +164,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     tank = case.tank_index(tank)
     criteria = case.criteria
     loop = open_loop(case, joint_damping(case) if others is None else others)
-    required = loop_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
+    required = joint_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
     xi = float(required.required)
     mass = case.vehicle.tanks[tank]
     nothing = _nothing_to_find(case, tank, required)
@@ -172,9 +173,9 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
     threshold = replace(loop, damping=damping)
-    band = slosh_band(threshold, criteria, tank)  # step 3
-    if not band.size or required.short(threshold, criteria):
-        return _without(case, tank, required, None, _why_no_band(threshold, criteria, tank))
+    band = slosh_band(threshold, criteria, *required.counted)  # step 3
+    if not band.size or falls_short(required, criteria):
+        return _without(case, tank, required, None, _why_no_band(threshold, criteria, required))
     omega = float(required.omega)
     w = float(mass.frequency)
     samples, per_slosh = engine_per_slosh(threshold, tank, band)
@@ -216,7 +217,10 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         tvc_limit=criteria.tvc_amplitude,
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
         reasons=tuple(
-            unsupported + _cautions(case, tank, amplitude, largest) + _caution_of_zero(mass.name, samples, tvc, band)
+            unsupported
+            + _told_of_sharing(required)
+            + _cautions(case, tank, amplitude, largest)
+            + _caution_of_zero(mass.name, samples, tvc, band)
         ),
         band_omega=samples,
         band_tvc=tvc,
@@ -253,13 +257,13 @@ def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
         return (), str(error)
 
 
-def _why_no_band(threshold: Loop, criteria: Criteria, tank: int) -> str:
+def _why_no_band(threshold: Loop, criteria: Criteria, required: RequiredDamping) -> str:
     """Return what sets a required damping at which no minimum near the disc margin is the tank's."""
-    xi = float(threshold.damping[tank])
-    own = np.arange(threshold.damping.size) == tank
+    xi = float(required.required)
+    own = np.arange(threshold.damping.size) == required.counted[0]
     below = replace(threshold, damping=np.where(own, xi * (1.0 - 1e-6), threshold.damping))
     found = loop_margins(below, criteria, crossings=False)
-    margin, omega = (float(x) for x in found.slosh_disc_margin(tank))
+    margin, omega = (float(x) for x in found.slosh_disc_margin(*required.counted))
     if not found.stable or np.isinf(margin):
         return f"its {100 * xi:.4g} % is set by the stability of another mode: it has no band of its own to cycle in"
     where = f"its minimum of {margin:.3f} at {omega / 2.0 / np.pi:.4f} Hz"
@@ -324,6 +328,17 @@ def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> lis
                 "model is less valid beyond 10-15 %"
             )
     return cautions
+
+
+def _told_of_sharing(required: RequiredDamping) -> list[str]:
+    """Return what a reader must know where a tank's requirement is another's minimum too."""
+    if not required.shared_with:
+        return []
+    others = ", ".join(required.shared_with)
+    return [
+        f"its minimum becomes that of {others} before it reaches the disc margin: required damping and band count the "
+        f"minima of {others} too"
+    ]
 
 
 def _caution_of_zero(tank: str, omega: Array, tvc: Array, band: Array) -> list[str]:

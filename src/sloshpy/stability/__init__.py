@@ -4,12 +4,13 @@ from sloshpy.stability.damping_law import DampingLawCurve, damping_law_curve
 from sloshpy.stability.damping_sensitivity import DampingSensitivity, damping_sensitivity
 from sloshpy.stability.danger_zone import DangerZone, RequiredDampingMap, danger_zone, required_damping_map
 from sloshpy.stability.grid import GridSweep, grid_sweep
+from sloshpy.stability.joint_damping import joint_damping, joint_required_damping
 from sloshpy.stability.margin_table import MarginTable, margin_table
 from sloshpy.stability.margins import Margins, loop_margins, margins
 from sloshpy.stability.mode_margins import ModeMargins, Reading
 from sloshpy.stability.mode_tracks import ModeTracks, track_modes
 from sloshpy.stability.nichols import nichols_disc_margin
-from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping, required_damping
+from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping, required_damping
 from sloshpy.stability.required_scale import RequiredScale, required_scale
 from sloshpy.stability.root_locus import RootLocus, root_locus
 from sloshpy.stability.sweep import DampingSweep, DiscMarginCurve, damping_sweep, disc_margin_curve, telling_dampings
@@ -39,6 +40,7 @@ __all__ = [
     "disc_margin_curve",
     "grid_sweep",
     "joint_damping",
+    "joint_required_damping",
     "loop_margins",
     "loop_required_damping",
     "margin_table",

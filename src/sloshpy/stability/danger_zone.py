@@ -14,7 +14,8 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.sensed import bordering_row
 from sloshpy.errors import OutsideValidity
-from sloshpy.stability.required_damping import joint_damping, loop_required_damping
+from sloshpy.stability.joint_damping import joint_damping
+from sloshpy.stability.required_damping import loop_required_damping
 from sloshpy.units import Array, Real
 from sloshpy.vehicle import Vehicle
 

@@ -84,15 +84,21 @@ class Margins:
         """Return the index of the group each point belongs to, the shape of the points."""
         return np.asarray(np.argmax(np.where(np.isnan(points.share), -np.inf, points.share), axis=-1))
 
-    def related(self, tank: int) -> BoolArray:
-        """Return which minima are slosh-related for a tank: its share is at least half of the greatest share."""
-        share = self.minima.share
-        with np.errstate(invalid="ignore"):
-            return np.asarray(share[..., tank] >= RELATED_SHARE * np.max(share, axis=-1)) & (share[..., tank] > 0.0)
+    def related(self, *tanks: int) -> BoolArray:
+        """Return which minima are slosh-related for a tank: its share is at least half of the greatest share.
 
-    def slosh_disc_margin(self, tank: int) -> tuple[Array, Array]:
-        """Return the least disc margin among a tank's minima, signed, and where in rad/s; inf and nan if none."""
-        value = np.where(self.related(tank), self.minima.value, np.inf)
+        For several tanks: which are related to one of them at least.
+        """
+        share = self.minima.share
+        own = share[..., list(tanks)]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(
+                np.any((own >= RELATED_SHARE * np.max(share, axis=-1, keepdims=True)) & (own > 0.0), axis=-1)
+            )
+
+    def slosh_disc_margin(self, *tanks: int) -> tuple[Array, Array]:
+        """Return the least disc margin among the minima of tanks, signed, and where in rad/s; inf and nan if none."""
+        value = np.where(self.related(*tanks), self.minima.value, np.inf)
         k = np.argmin(value, axis=-1)[..., None]
         least = np.take_along_axis(value, k, axis=-1)[..., 0]
         omega = np.where(np.isfinite(least), np.take_along_axis(self.minima.omega, k, axis=-1)[..., 0], np.nan)

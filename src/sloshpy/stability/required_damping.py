@@ -1,13 +1,11 @@
 """Least slosh damping that a tank needs: suprema over damping, never roots (the disc margin is a distance)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sloshpy.case import Case, Criteria
-from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
@@ -26,7 +24,6 @@ LEVELS = 41  # damping values scanned: 0, then up to 1 in steps of a quarter, be
 SMALL = 2  # coordinates of a plant whose response is a formula
 BLOCK = 19  # of them at a time, from above
 NARROW = 0.1  # of a resonance's relative width, which is about the damping: where a minimum is sought once more
-SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
 PROOF = 1e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
 
 
@@ -38,6 +35,7 @@ class RequiredDamping:
     `disc_margin`. 0 where none is needed, nan where none up to critical damping suffices.
     omega: frequency of the least slosh-related disc margin at the required damping, rad/s.
     source: the loop, whose own damping of this tank plays no part.
+    shared_with: tanks whose minima count too, see `joint_required_damping`.
     """
 
     tank: str
@@ -46,15 +44,13 @@ class RequiredDamping:
     omega: Array
     disc_margin: float
     source: Loop
+    shared_with: tuple[str, ...] = ()
 
-    def short(self, threshold: Loop, criteria: Criteria) -> bool:
-        """Whether one loop at its required damping still passes nearer than the disc margin at `omega`.
-
-        Then the minimum ends there or becomes another mode's; on which side of its end the damping lies is rounding.
-        """
-        L = transfer(threshold, np.array(1j * float(self.omega))).loop
-        margin = float(nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin))
-        return margin < self.disc_margin * (1.0 - SHORT)
+    @property
+    def counted(self) -> tuple[int, ...]:
+        """Numbers of the tanks whose minima count: this one first."""
+        names = self.source.plant.tanks
+        return tuple(names.index(name) for name in (self.tank, *self.shared_with))
 
     def __str__(self) -> str:
         if np.ndim(self.required):
@@ -102,9 +98,20 @@ def required_damping(case: Case, tank: str | int = 0, disc_margin: float | None 
 
 
 def loop_required_damping(
-    loop: Loop, criteria: Criteria, tank: int, disc_margin: float, levels: int = LEVELS
+    loop: Loop,
+    criteria: Criteria,
+    tank: int,
+    disc_margin: float,
+    levels: int = LEVELS,
+    shared_with: tuple[int, ...] = (),
 ) -> RequiredDamping:
-    """Return the least damping of one tank of a loop or of a batch; see `required_damping`."""
+    """Return the least damping of one tank of a loop or of a batch; see `required_damping`.
+
+    Args:
+        loop: one loop or a batch. criteria: gain and phase margin of eq 24. tank: its number.
+        disc_margin: threshold of eq 24. levels: how many dampings are scanned.
+        shared_with: numbers of the tanks whose minima count too.
+    """
     batch = loop.batch
     size = int(np.prod(batch))
     axis = NEUTRAL * float(np.max(loop.plant.tank_frequency))  # a neutral pole, which rounding moves, does not grow
@@ -114,8 +121,8 @@ def loop_required_damping(
         return RequiredDamping(
             tank=loop.plant.tanks[tank], neutral=none, required=none, omega=none, disc_margin=disc_margin, source=loop
         )
-    grid = damping_levels(levels)
-    search = _Search(loop=loop, criteria=criteria, tank=tank, threshold=disc_margin, axis=axis)
+    grid, counted = damping_levels(levels), (tank, *shared_with)
+    search = _Search(loop=loop, criteria=criteria, tank=tank, counted=counted, threshold=disc_margin, axis=axis)
     scan = search.from_above(grid)
     neutral = supremum(scan.growth >= axis, grid, search.growing, search.neutral_candidate)
     omega = np.full(size, np.nan)
@@ -135,6 +142,7 @@ def loop_required_damping(
         omega=omega.reshape(batch),
         disc_margin=disc_margin,
         source=loop,
+        shared_with=tuple(loop.plant.tanks[j] for j in shared_with),
     )
 
 
@@ -147,7 +155,7 @@ def damping_levels(count: int) -> Array:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a tank shows at some dampings: growth of the loop in 1/s, the tank's own least distance, where in rad/s."""
+    """What a tank shows at some dampings: growth of the loop in 1/s, its least distance that counts, where in rad/s."""
 
     growth: Array
     margin: Array
@@ -156,11 +164,15 @@ class _Found:
 
 @dataclass(frozen=True, kw_only=True)
 class _Search:
-    """What is asked of a loop at many dampings of one tank; `axis` is the growth that counts as none, 1/s."""
+    """What is asked of a loop at many dampings of one tank; `axis` is the growth that counts as none, 1/s.
+
+    counted: numbers of the tanks whose minima count.
+    """
 
     loop: Loop
     criteria: Criteria
     tank: int
+    counted: tuple[int, ...]
     threshold: float
     axis: float
 
@@ -181,7 +193,7 @@ class _Search:
         return found
 
     def _own(self, found: Margins) -> _Found:
-        margin, omega = found.slosh_disc_margin(self.tank)
+        margin, omega = found.slosh_disc_margin(*self.counted)
         return _Found(growth=found.growth[..., 0], margin=np.abs(margin[..., 0]), omega=omega[..., 0])
 
     def growing(self, ratio: Array, index: IntArray) -> Array:
@@ -278,57 +290,6 @@ class _Search:
 def _between(low: Array, high: Array, share: Array) -> Array:
     """Return a damping between two, geometrically but from nothing."""
     return np.where(low > 0.0, np.maximum(low, 1e-300) ** (1.0 - share) * high**share, share * high)
-
-
-def joint_damping(case: Case) -> Array:
-    """Return the damping at which all tanks together meet the disc margin, one ratio for each tank.
-
-    Every tank's law is read at one common slosh amplitude: the least above which, for every larger one, the loop is
-    stable and no slosh-related disc margin is below the criterion. The five steps hold the other tanks there, since in
-    a limit cycle none of them is at rest. Where the laws do not suffice at any amplitude (a constant too small, data
-    that end too early), each tank gets at least the least common ratio that does, so that a tank is judged by its own
-    need and not by another's shortage. One tank alone keeps its small-amplitude damping.
-    """
-    laws = [tank.damping for tank in case.vehicle.tanks]
-    small = open_loop(case).damping
-    if len(laws) < 2:
-        return small
-    reaches = [_reach(law) for law in laws]
-    most = max([reach for reach in reaches if np.isfinite(reach)], default=0.0)
-    axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
-    grid = damping_levels(LEVELS)
-
-    def at_amplitude(amplitude: Array) -> Array:
-        columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
-        return np.minimum(np.stack(columns, axis=-1), MOST_RATIO)
-
-    def lacking(damping: Array) -> Array:
-        found = loop_margins(open_loop(case, damping), case.criteria, crossings=False)
-        own = np.any([found.related(j) for j in range(len(laws))], axis=0)
-        least = np.min(np.where(own, found.minima.value, np.inf), axis=-1)
-        short = np.where(np.isinf(least), -1.0, case.criteria.disc_margin - least)
-        return np.where(found.growth < axis, short, np.maximum(np.abs(short), case.criteria.disc_margin))
-
-    def least_of(damping: Callable[[Array], Array], levels: Array) -> float:
-        bad = lacking(damping(levels))[None, :] > 0.0
-        return float(supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
-
-    if most > 0.0:
-        amplitude = least_of(at_amplitude, grid * most)
-        if not np.isnan(amplitude):
-            return at_amplitude(np.asarray(amplitude))
-    given = at_amplitude(np.asarray(most))
-
-    def at_least(ratio: Array) -> Array:
-        return np.maximum(given, np.asarray(ratio)[..., None])
-
-    ratio = least_of(at_least, grid * MOST_RATIO)
-    return given if np.isnan(ratio) else at_least(np.asarray(ratio))
-
-
-def _reach(law: DampingLaw) -> float:
-    """Return the amplitude in m at which a law's data end or it becomes critical; not finite for a constant."""
-    return float(law.amplitude(MOST_RATIO)) if np.isinf(law.largest_amplitude) else law.largest_amplitude
 
 
 def supremum(bad: BoolArray, grid: Array, function: Any, candidate: Any = None) -> Array:

@@ -81,8 +81,7 @@ def required_scale(case: Case, damping: Real | None = None, amplitude: Real | No
     def short(scale: Array) -> tuple[Array, Array]:
         """Return growth beyond neutral and what the least slosh-related disc margin lacks, (K,)."""
         found = loop_margins(open_loop(case, scale[:, None] * given.damping), case.criteria, crossings=False)
-        own = np.any([found.related(j) for j in range(len(case.vehicle.tanks))], axis=0)
-        least = np.min(np.where(own, found.minima.value, np.inf), axis=-1)
+        least = np.abs(found.slosh_disc_margin(*range(len(case.vehicle.tanks)))[0])
         return found.growth - axis, np.where(np.isinf(least), -1.0, threshold - least)
 
     def lacking(scale: Array, _: object) -> Array:

@@ -9,9 +9,10 @@ from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.response import FrequencyResponse, frequency_response, transfer
+from sloshpy.stability.joint_damping import joint_damping, joint_required_damping
 from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin, sampled
-from sloshpy.stability.required_damping import RequiredDamping, joint_damping, loop_required_damping
+from sloshpy.stability.required_damping import RequiredDamping
 from sloshpy.units import Array, BoolArray
 
 if TYPE_CHECKING:
@@ -220,14 +221,14 @@ def disc_margin_curve(
     return DiscMarginCurve(
         case=case,
         damping=np.asarray(damping, dtype=float),
-        disc_margin=found.slosh_disc_margin(tank)[0],
+        disc_margin=found.slosh_disc_margin(*needed.counted)[0],
         growth=found.growth,
         required=needed,
     )
 
 
 def _needed(case: Case, tank: int) -> RequiredDamping:
-    return loop_required_damping(open_loop(case, joint_damping(case)), case.criteria, tank, case.criteria.disc_margin)
+    return joint_required_damping(open_loop(case, joint_damping(case)), case.criteria, tank, case.criteria.disc_margin)
 
 
 def _swept(case: Case, tank: int, ratio: Array, needed: RequiredDamping) -> Loop:

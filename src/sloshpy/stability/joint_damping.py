@@ -1,0 +1,128 @@
+"""The damping at which all tanks of a loop are good together, and what each tank needs with the others held there."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sloshpy.case import Case, Criteria
+from sloshpy.damping import DampingLaw
+from sloshpy.dynamics.loop import Loop, open_loop
+from sloshpy.dynamics.poles import NEUTRAL
+from sloshpy.dynamics.response import transfer
+from sloshpy.stability.margins import loop_margins
+from sloshpy.stability.nichols import nichols_disc_margin
+from sloshpy.stability.required_damping import (
+    LEVELS,
+    MOST_RATIO,
+    RequiredDamping,
+    damping_levels,
+    loop_required_damping,
+    supremum,
+)
+from sloshpy.stability.touching import with_ratio
+from sloshpy.units import Array
+
+SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
+BESIDE = 1e-6  # relative: a damping just above a requirement
+
+
+def joint_damping(case: Case) -> Array:
+    """Return the damping at which all tanks together meet the disc margin, one ratio for each tank.
+
+    Every tank's law is read at one common slosh amplitude: the least above which, for every larger one, the loop is
+    stable and no slosh-related disc margin is below the criterion. The five steps hold the other tanks there, since in
+    a limit cycle none of them is at rest. Where the laws do not suffice at any amplitude (a constant too small, data
+    that end too early), each tank gets at least the least common ratio that does, so that a tank is judged by its own
+    need and not by another's shortage. One tank alone keeps its small-amplitude damping.
+    """
+    laws = [tank.damping for tank in case.vehicle.tanks]
+    small = open_loop(case).damping
+    if len(laws) < 2:
+        return small
+    reaches = [_reach(law) for law in laws]
+    most = max([reach for reach in reaches if np.isfinite(reach)], default=0.0)
+    axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
+    grid = damping_levels(LEVELS)
+
+    def at_amplitude(amplitude: Array) -> Array:
+        columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
+        return np.minimum(np.stack(columns, axis=-1), MOST_RATIO)
+
+    def lacking(damping: Array) -> Array:
+        found = loop_margins(open_loop(case, damping), case.criteria, crossings=False)
+        least = np.abs(found.slosh_disc_margin(*range(len(laws)))[0])
+        short = np.where(np.isinf(least), -1.0, case.criteria.disc_margin - least)
+        return np.where(found.growth < axis, short, np.maximum(np.abs(short), case.criteria.disc_margin))
+
+    def least_of(damping: Callable[[Array], Array], levels: Array) -> float:
+        bad = lacking(damping(levels))[None, :] > 0.0
+        return float(supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
+
+    if most > 0.0:
+        amplitude = least_of(at_amplitude, grid * most)
+        if not np.isnan(amplitude):
+            return at_amplitude(np.asarray(amplitude))
+    given = at_amplitude(np.asarray(most))
+
+    def at_least(ratio: Array) -> Array:
+        return np.maximum(given, np.asarray(ratio)[..., None])
+
+    ratio = least_of(at_least, grid * MOST_RATIO)
+    return given if np.isnan(ratio) else at_least(np.asarray(ratio))
+
+
+def _reach(law: DampingLaw) -> float:
+    """Return the amplitude in m at which a law's data end or it becomes critical; not finite for a constant."""
+    return float(law.amplitude(MOST_RATIO)) if np.isinf(law.largest_amplitude) else law.largest_amplitude
+
+
+def joint_required_damping(loop: Loop, criteria: Criteria, tank: int, disc_margin: float) -> RequiredDamping:
+    """Return the least damping of one tank of one loop, the minima that it shares with other tanks counted.
+
+    Two coupled tanks may share a minimum of eq 24: with more damping of one it becomes the other's before the disc
+    margin is reached. That damping meets no criterion, so the minima of the tanks that are then short count too. Where
+    no margin is reached even so, the tank's own requirement is returned; see `falls_short`.
+
+    Args:
+        loop: the other tanks damped as all together need. criteria: gain and phase margin of eq 24.
+        tank: its number. disc_margin: threshold of eq 24.
+    """
+    own = found = loop_required_damping(loop, criteria, tank, disc_margin)
+    while float(found.required) > 0.0 and not _reached(found, criteria):
+        more = _others_short(found, criteria)
+        if not more:
+            return own
+        found = loop_required_damping(loop, criteria, tank, disc_margin, shared_with=(*found.counted[1:], *more))
+    return own if np.isnan(found.required) else found
+
+
+def falls_short(found: RequiredDamping, criteria: Criteria) -> bool:
+    """Whether one loop at its required damping still passes nearer than the disc margin where its least minimum is.
+
+    Then that minimum ends there or becomes another mode's; on which side of its end the damping lies is rounding.
+    """
+    return _distance(found, criteria) < found.disc_margin * (1.0 - SHORT)
+
+
+def _reached(found: RequiredDamping, criteria: Criteria) -> bool:
+    return abs(_distance(found, criteria) - found.disc_margin) <= SHORT * found.disc_margin  # False for nan
+
+
+def _distance(found: RequiredDamping, criteria: Criteria) -> float:
+    """Return eq 24 at the required damping and its frequency; nan where no minimum counts there."""
+    L = transfer(_at(found, float(found.required)), np.array(1j * float(found.omega))).loop
+    return float(nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin))
+
+
+def _others_short(found: RequiredDamping, criteria: Criteria) -> tuple[int, ...]:
+    """Return the tanks that do not count yet and are short just above the required damping."""
+    rest = [j for j in range(len(found.source.plant.tanks)) if j not in found.counted]
+    if not rest:
+        return ()
+    above = loop_margins(_at(found, float(found.required) * (1.0 + BESIDE)), criteria, crossings=False)
+    least = found.disc_margin * (1.0 - SHORT)
+    return tuple(j for j in rest if np.abs(above.slosh_disc_margin(j)[0]) < least)
+
+
+def _at(found: RequiredDamping, ratio: float) -> Loop:
+    return with_ratio(found.source, np.asarray(0), found.counted[0], np.asarray(ratio))
