@@ -9,7 +9,13 @@ from sloshpy.assess import assess
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.limit_cycle import predict_limit_cycle
-from sloshpy.stability import joint_damping, loop_required_damping, required_damping
+from sloshpy.stability import (
+    damping_sweep,
+    joint_damping,
+    loop_required_damping,
+    required_damping,
+    required_damping_map,
+)
 from sloshpy.vehicle import SloshMass
 
 HALF = {"slosh_mass": 500.0}
@@ -143,3 +149,16 @@ def test_a_minimum_that_two_tanks_share_sets_the_requirement_of_both():
     alone = loop_required_damping(open_loop(case, joint), case.criteria, 1, 1.0)
     assert slosh_margin(case, np.array([joint[0], 1.001 * float(alone.required)])) < 0.9
     assert "becomes that of LOX" in other.reasons[0]
+
+
+def test_the_shared_requirement_is_continuous_along_the_vehicle_and_in_every_answer():
+    near = SloshMass(name="near", slosh_mass=250.0, station=2.5, frequency=2.1, damping=PowerDamping(slope=0.12))
+    case = paper_case(more=(near,))
+    cycle = predict_limit_cycle(case, 1)
+    # shared from about -9.5 to 6.5 m, its own beyond
+    station = np.append(np.linspace(-12.0, 12.0, 49), 2.5)
+    along = required_damping_map(case, 1, station).required
+    assert along[-1] == pytest.approx(float(cycle.required.required), rel=1e-7)
+    assert np.max(np.abs(np.diff(along[:-1]))) < 0.004
+    sweep = damping_sweep(case, (0.04, along[-1]), 1)
+    assert sweep.disc_margin == pytest.approx([slosh_margin(case, [joint_damping(case)[0], 0.04]), 1.0], abs=1e-5)

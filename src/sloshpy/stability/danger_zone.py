@@ -14,8 +14,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.sensed import bordering_row
 from sloshpy.errors import OutsideValidity
-from sloshpy.stability.joint_damping import joint_damping
-from sloshpy.stability.required_damping import loop_required_damping
+from sloshpy.stability.joint_damping import joint_damping, joint_required_damping
 from sloshpy.units import Array, Real
 from sloshpy.vehicle import Vehicle
 
@@ -243,7 +242,7 @@ def required_damping_map(
         )
     held = joint_damping(case) if others is None else others
     loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}), held)
-    needed = loop_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
+    needed = joint_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
     return RequiredDampingMap(
         case=case,
         tank=moved.name,

@@ -1,6 +1,7 @@
 """The damping at which all tanks of a loop are good together, and what each tank needs with the others held there."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -76,8 +77,10 @@ def _reach(law: DampingLaw) -> float:
     return float(law.amplitude(MOST_RATIO)) if np.isinf(law.largest_amplitude) else law.largest_amplitude
 
 
-def joint_required_damping(loop: Loop, criteria: Criteria, tank: int, disc_margin: float) -> RequiredDamping:
-    """Return the least damping of one tank of one loop, the minima that it shares with other tanks counted.
+def joint_required_damping(
+    loop: Loop, criteria: Criteria, tank: int, disc_margin: float, levels: int = LEVELS
+) -> RequiredDamping:
+    """Return the least damping of one tank of a loop or of a batch, the minima that it shares with others counted.
 
     Two coupled tanks may share a minimum of eq 24: with more damping of one it becomes the other's before the disc
     margin is reached. That damping meets no criterion, so the minima of the tanks that are then short count too. Where
@@ -85,14 +88,29 @@ def joint_required_damping(loop: Loop, criteria: Criteria, tank: int, disc_margi
 
     Args:
         loop: the other tanks damped as all together need. criteria: gain and phase margin of eq 24.
-        tank: its number. disc_margin: threshold of eq 24.
+        tank: its number. disc_margin: threshold of eq 24. levels: how many dampings are scanned.
     """
-    own = found = loop_required_damping(loop, criteria, tank, disc_margin)
+    own = loop_required_damping(loop, criteria, tank, disc_margin, levels)
+    if not loop.batch:
+        return _counting_shared(own, criteria, levels)
+    required, omega = own.required.copy(), own.omega.copy()
+    for k in np.ndindex(loop.batch):
+        row = np.asarray(np.ravel_multi_index(k, loop.batch))
+        one = replace(own, neutral=own.neutral[k], required=required[k], omega=omega[k], source=loop.take(row))
+        found = _counting_shared(one, criteria, levels)
+        required[k], omega[k] = found.required, found.omega
+    return replace(own, required=required, omega=omega)
+
+
+def _counting_shared(own: RequiredDamping, criteria: Criteria, levels: int) -> RequiredDamping:
+    """Return what one tank of one loop needs from what its own minima ask."""
+    tank, found = own.counted[0], own
     while float(found.required) > 0.0 and not _reached(found, criteria):
         more = _others_short(found, criteria)
         if not more:
             return own
-        found = loop_required_damping(loop, criteria, tank, disc_margin, shared_with=(*found.counted[1:], *more))
+        beside = (*found.counted[1:], *more)
+        found = loop_required_damping(own.source, criteria, tank, own.disc_margin, levels, shared_with=beside)
     return own if np.isnan(found.required) else found
 
 

@@ -35,7 +35,7 @@ class RequiredDamping:
     `disc_margin`. 0 where none is needed, nan where none up to critical damping suffices.
     omega: frequency of the least slosh-related disc margin at the required damping, rad/s.
     source: the loop, whose own damping of this tank plays no part.
-    shared_with: tanks whose minima count too, see `joint_required_damping`.
+    shared_with: of one loop, tanks whose minima count too, see `joint_required_damping`.
     """
 
     tank: str

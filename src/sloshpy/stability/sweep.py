@@ -45,8 +45,8 @@ class DampingSweep:
 
     @property
     def disc_margin(self) -> Array:
-        """The tank's own signed disc margin at each damping, (D,); inf where no minimum belongs to it."""
-        return self.margins.slosh_disc_margin(self.tank)[0]
+        """Signed disc margin of the tank, and of those that share its minimum, (D,); inf where there is no minimum."""
+        return self.margins.slosh_disc_margin(*self.required.counted)[0]
 
     @property
     def tvc_gain(self) -> Array:
@@ -61,7 +61,7 @@ class DampingSweep:
         """
         phase = np.degrees(np.unwrap(np.angle(self.response.loop), axis=-1))
         phase -= 360.0 * np.round((phase[:, :1] - phase[-1, 0]) / 360.0)
-        near = self.margins.slosh_disc_margin(self.tank)[1][-1]
+        near = self.margins.slosh_disc_margin(*self.required.counted)[1][-1]
         k = int(np.argmin(np.abs(self.response.omega - near))) if np.isfinite(near) else 0
         return np.asarray(phase - 360.0 * np.round((phase[-1, k] + 180.0) / 360.0))
 
