@@ -182,20 +182,13 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     paper_tvc, tvc = amplitude * per_slosh, amplitude * w / samples * per_slosh  # step 4
     extremes, paper_extremes = (np.array([np.min(x), np.max(x)]) for x in (tvc, paper_tvc))
     consistent = amplitude * w / omega
-    L = complex(transfer(threshold, np.array(1j * omega)).loop)
-    gain_to_neutral, delay = 1.0 / abs(L), float(np.angle(-L)) / omega
-    degraded, unpredicted = np.nan, ""
-    coupled: tuple[Cycle, ...] = ()
-    if delay + float(case.autopilot.delay) >= 0.0:
-        autopilot = case.autopilot.degraded(gain_to_neutral, delay)
-        degraded = float(greatest_growth(replace(threshold, autopilot=autopilot)))
-        coupled, unpredicted = _coupled(case.model_copy(update={"autopilot": autopilot}))
-    stable = [cycle for cycle in coupled if cycle.stable]
+    neutral = _degraded(case, threshold, omega)
+    stable = [cycle for cycle in neutral.coupled if cycle.stable]
     worst = max([float(extremes[1]), *(cycle.tvc_amplitude for cycle in stable)])
     largest = max([consistent, *(cycle.slosh_amplitude[mass.name] for cycle in stable)])
     unsupported = _unsupported(case, tank, xi, largest, float(np.max(samples)), worst)
-    if degraded > 1e-9 * omega or unpredicted:
-        why = unpredicted or f"another mode grows at {degraded:.3g} 1/s"
+    if neutral.growth > 1e-9 * omega or neutral.unpredicted:
+        why = neutral.unpredicted or f"another mode grows at {neutral.growth:.3g} 1/s"
         unsupported.append(
             f"degraded by its whole margin the loop is no single oscillation, which the five steps do not bound: {why}"
         )
@@ -210,10 +203,10 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         paper_slosh_amplitude=amplitude,
         tvc_amplitude=extremes,
         paper_tvc_amplitude=paper_extremes,
-        gain=gain_to_neutral,
-        delay=delay,
-        degraded_growth=degraded,
-        coupled=coupled,
+        gain=neutral.gain,
+        delay=neutral.delay,
+        degraded_growth=neutral.growth,
+        coupled=neutral.coupled,
         tvc_limit=criteria.tvc_amplitude,
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
         reasons=tuple(
@@ -226,6 +219,32 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         band_tvc=tvc,
         paper_band_tvc=paper_tvc,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Degraded:
+    """The loop that a gain and a delay, ratio and s, make neutral at the threshold damping; see `LimitCycle`.
+
+    unpredicted: why its coupled cycles are not known, empty where they are.
+    """
+
+    gain: float
+    delay: float
+    growth: float = np.nan
+    coupled: tuple[Cycle, ...] = ()
+    unpredicted: str = ""
+
+
+def _degraded(case: Case, threshold: Loop, omega: float) -> _Degraded:
+    """Return what a loop does when it is degraded until it is neutral at a frequency, rad/s."""
+    L = complex(transfer(threshold, np.array(1j * omega)).loop)
+    gain, delay = 1.0 / abs(L), float(np.angle(-L)) / omega
+    if delay + float(case.autopilot.delay) < 0.0:  # a phase advance: no loop can be given one
+        return _Degraded(gain=gain, delay=delay)
+    autopilot = case.autopilot.degraded(gain, delay)
+    growth = float(greatest_growth(replace(threshold, autopilot=autopilot)))
+    coupled, unpredicted = _coupled(case.model_copy(update={"autopilot": autopilot}))
+    return _Degraded(gain=gain, delay=delay, growth=growth, coupled=coupled, unpredicted=unpredicted)
 
 
 def _nothing_to_find(case: Case, tank: int, required: RequiredDamping) -> LimitCycle | None:
