@@ -249,6 +249,8 @@ def _criterion_lines(c: Criterion, count: int, confidence: float) -> list[str]:
         p = c.probability
         how_often += f": {100 * p.estimate:.4g} % ({100 * p.low:.4g} to {100 * p.high:.4g} % at {100 * confidence:g} %)"
     what = f"{c.column.name} {sign} {c.column.limit:.6g} {_unit(c.column)}".rstrip()
+    if c.column.unit == "rad" and c.column.limit is not None:
+        what += f" ({np.degrees(c.column.limit):.4g} deg)"
     lines = ["", f"  {'every criterion together' if c.column is VERDICT else what}: {met}; {how_often}"]
     if c.drivers:
         strongest = ", ".join(f"{n} {_correlation(r)}" for n, r in c.drivers[:3])

@@ -115,9 +115,10 @@ def plot_flight_cycles(result: FlightAssessment, ax: Sequence[Axes] | None = Non
         limit = np.degrees(r.tvc_limit)
         bottom.plot(r.time[[0, -1]], [limit, limit], color=ALARM, linewidth=1.0, linestyle=(0, (6.0, 3.0)))
     mark_events([top, bottom], result)
-    legend(top, len(tanks), "center right")
     for axes in (top, bottom):
         axes.set_ylim(bottom=0.0)
+    top.set_ylim(top=1.35 * top.get_ylim()[1])  # the legend stands above every limit
+    legend(top, 2 * len(tanks), "upper right")
     words = "dashed: limits; no dot: no number is supported"
     box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     bottom.annotate(words, (0.99, 0.72), xycoords="axes fraction", fontsize=SMALL, ha="right", va="top", bbox=box)
