@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from uncertain import RUN, factor, stage
 
-from cases import paper_case, random_case, real_case, xi
+from cases import lawful_case, paper_case, random_case, real_case, xi
 from sloshpy.autopilot import Actuator, Filter
 from sloshpy.batch import case_shape
 from sloshpy.damping import PowerDamping
@@ -115,6 +115,23 @@ def test_a_draw_that_makes_no_vehicle_is_listed_and_counts_as_worst():
     assert all(c.broken >= len(lost) for c in found.criteria)
     assert found.criteria[0].worst[: len(lost)] == tuple(lost.tolist())
     assert "counted as worst: " in str(found)
+
+
+def test_an_oscillation_that_the_five_steps_refuse_has_no_number_in_a_campaign_either():
+    case = lawful_case(97, 156)  # its minimum of 0.81 becomes the rigid body's at 2.27 % of damping
+    (tank,) = (t.name for t in case.vehicle.tanks)
+    d = stage(Linear(), case=case, parameters=(factor("vehicle.mass", 0.02),))
+    campaign, draws = run_campaign(d, 6, 4), drawn(d, 4, 0, 6)
+    for k, (mass,) in enumerate(draws):
+        vehicle = case.vehicle.model_copy(update={"mass": case.vehicle.mass * mass})
+        cycle = predict_limit_cycle(case.model_copy(update={"vehicle": vehicle}))
+        assert cycle.acceptable is None
+        assert "becomes another mode's" in campaign.reasons[k]
+        assert campaign.column(f"required_damping.{tank}")[k] == pytest.approx(float(cycle.required.required), rel=1e-6)
+    assert np.all(np.isnan(campaign.column(f"slosh.{tank}")) & np.isnan(campaign.column(f"engine.{tank}")))
+    assert np.all(campaign.status == Status.FAILED)
+    (engine,) = (c for c in findings(campaign).criteria if c.column.name == f"engine.{tank}")
+    assert engine.broken == 6
 
 
 def test_a_run_that_diverges_counts_as_worse_than_every_number():

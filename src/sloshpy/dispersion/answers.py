@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sloshpy.case import Case
+from sloshpy.case import Case, Criteria
 from sloshpy.damping.laws import small_amplitude_ratio
 from sloshpy.dispersion.columns import columns_of, worst_columns
 from sloshpy.dispersion.dispersion import Dispersion, Linear, Nonlinear, drawn
@@ -14,12 +14,12 @@ from sloshpy.dispersion.reasons import MOST_REASON, reason_of
 from sloshpy.dispersion.rows import Rows, Status, failed, joined
 from sloshpy.dispersion.varied import RUN, Varied, find_input, nominal, stands_in, varied, varies_lags
 from sloshpy.dispersion.verdict import verdicts
-from sloshpy.dynamics.loop import open_loop
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.simulation import OneMinusCosine, simulate_ensemble
 from sloshpy.simulation.ensemble import FLEXIBLE_STEP, GUST_STEPS, slosh_step
-from sloshpy.stability import loop_margins
+from sloshpy.stability import falls_short, loop_margins
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
@@ -99,25 +99,37 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
     )
     found = loop_margins(loop, criteria, crossings=False)
     parts = [np.broadcast_to(found.nichols_disc_margin, count), np.broadcast_to(found.growth, count)]
+    reasons = np.where(np.isnan(parts[0]), "no finite disc margin", "").astype(object)
     for j, tank in enumerate(case.vehicle.tanks if how.required else ()):
         required, omega = many_required(loop, criteria, j)
         amplitude = _amplitude(case, j, required, batch.damping_factor[:, j])
-        w = np.broadcast_to(tank.frequency, count)
-        slosh, engine = np.zeros(count), np.zeros(count)
-        moving = np.flatnonzero((amplitude > 0.0) & np.isfinite(amplitude) & np.isfinite(omega))
-        if len(moving):
-            at = with_ratio(loop, moving, j, required[moving])
-            gain = np.abs(transfer(at, 1j * omega[moving]).slosh[..., j])
-            slosh[moving] = amplitude[moving] * w[moving] / omega[moving]
-            engine[moving] = slosh[moving] / gain
-        never = ~np.isfinite(amplitude)
-        slosh[never], engine[never] = np.inf, np.inf
+        slosh, engine = _oscillation(loop, criteria, j, amplitude, required, omega)
         parts += [np.where(np.isnan(required), np.inf, required), slosh, engine]
+        ends = f"the minimum of {tank.name} ends or becomes another mode's before it reaches the disc margin"
+        reasons[np.isnan(engine) & (reasons == "")] = ends
     values = _with_verdict(dispersion, np.stack(parts, axis=-1))
-    unknown = np.any(np.isnan(values), axis=1)
-    reasons = tuple("no finite disc margin" if bad else "" for bad in unknown)
-    status = np.where(unknown, float(Status.FAILED), float(Status.OK))
-    return Rows(first=first, values=values, status=status, reasons=reasons)
+    status = np.where(reasons == "", float(Status.OK), float(Status.FAILED))
+    return Rows(first=first, values=values, status=status, reasons=tuple(reasons))
+
+
+def _oscillation(
+    loop: Loop, criteria: Criteria, tank: int, amplitude: Array, required: Array, omega: Array
+) -> tuple[Array, Array]:
+    """Return slosh in m and engine in rad of loops that oscillate at a tank's required damping, (N,) each.
+
+    0 where it has that damping anyhow, inf where it never has it, nan where no oscillation follows from it.
+    """
+    slosh = np.where(np.isfinite(amplitude), 0.0, np.inf)
+    engine = slosh.copy()
+    moving = np.flatnonzero((amplitude > 0.0) & np.isfinite(amplitude))
+    if len(moving):
+        at = with_ratio(loop, moving, tank, required[moving])
+        w = np.broadcast_to(loop.plant.tank_frequency[..., tank], len(amplitude))[moving]
+        gain = np.abs(transfer(at, 1j * omega[moving]).slosh[..., tank])
+        ends = falls_short(at, omega[moving], criteria, criteria.disc_margin)
+        slosh[moving] = np.where(ends, np.nan, amplitude[moving] * w / omega[moving])
+        engine[moving] = slosh[moving] / gain
+    return slosh, engine
 
 
 def _amplitude(case: Case, tank: int, required: Array, factor: Array) -> Array:

@@ -174,7 +174,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
     threshold = replace(loop, damping=damping)
     band = slosh_band(threshold, criteria, *required.counted)  # step 3
-    if not band.size or falls_short(required, criteria):
+    if not band.size or falls_short(threshold, required.omega, criteria, criteria.disc_margin):
         return _without(case, tank, required, None, _why_no_band(threshold, criteria, required))
     omega = float(required.omega)
     w = float(mass.frequency)

@@ -4,7 +4,7 @@ from sloshpy.stability.damping_law import DampingLawCurve, damping_law_curve
 from sloshpy.stability.damping_sensitivity import DampingSensitivity, damping_sensitivity
 from sloshpy.stability.danger_zone import DangerZone, RequiredDampingMap, danger_zone, required_damping_map
 from sloshpy.stability.grid import GridSweep, grid_sweep
-from sloshpy.stability.joint_damping import joint_damping, joint_required_damping
+from sloshpy.stability.joint_damping import falls_short, joint_damping, joint_required_damping
 from sloshpy.stability.margin_table import MarginTable, margin_table
 from sloshpy.stability.margins import Margins, loop_margins, margins
 from sloshpy.stability.mode_margins import ModeMargins, Reading
@@ -38,6 +38,7 @@ __all__ = [
     "damping_sweep",
     "danger_zone",
     "disc_margin_curve",
+    "falls_short",
     "grid_sweep",
     "joint_damping",
     "joint_required_damping",

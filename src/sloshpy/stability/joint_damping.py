@@ -21,7 +21,7 @@ from sloshpy.stability.required_damping import (
     supremum,
 )
 from sloshpy.stability.touching import with_ratio
-from sloshpy.units import Array
+from sloshpy.units import Array, BoolArray
 
 SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
 BESIDE = 1e-6  # relative: a damping just above a requirement
@@ -114,22 +114,28 @@ def _counting_shared(own: RequiredDamping, criteria: Criteria, levels: int) -> R
     return own if np.isnan(found.required) else found
 
 
-def falls_short(found: RequiredDamping, criteria: Criteria) -> bool:
-    """Whether one loop at its required damping still passes nearer than the disc margin where its least minimum is.
+def falls_short(threshold: Loop, omega: Array, criteria: Criteria, disc_margin: float) -> BoolArray:
+    """Whether loops at their required damping pass nearer than the disc margin, or have no minimum that counts.
 
-    Then that minimum ends there or becomes another mode's; on which side of its end the damping lies is rounding.
+    Then the minimum that set it ends there or becomes another mode's; on which side of its end a damping lies is
+    rounding, and no oscillation of the tank follows from it.
+
+    Args:
+        threshold: one loop or a batch, at the required dampings.
+        omega: frequencies of their least minima that count, rad/s; nan where there is none.
+        criteria: gain and phase margin of eq 24. disc_margin: the threshold.
     """
-    return _distance(found, criteria) < found.disc_margin * (1.0 - SHORT)
+    return np.asarray(~(_distance(threshold, omega, criteria) >= disc_margin * (1.0 - SHORT)))
 
 
 def _reached(found: RequiredDamping, criteria: Criteria) -> bool:
-    return abs(_distance(found, criteria) - found.disc_margin) <= SHORT * found.disc_margin  # False for nan
+    distance = float(_distance(_at(found, float(found.required)), found.omega, criteria))
+    return abs(distance - found.disc_margin) <= SHORT * found.disc_margin  # False for nan
 
 
-def _distance(found: RequiredDamping, criteria: Criteria) -> float:
-    """Return eq 24 at the required damping and its frequency; nan where no minimum counts there."""
-    L = transfer(_at(found, float(found.required)), np.array(1j * float(found.omega))).loop
-    return float(nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin))
+def _distance(loop: Loop, omega: Array, criteria: Criteria) -> Array:
+    L = transfer(loop, 1j * np.asarray(omega)).loop
+    return nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin)
 
 
 def _others_short(found: RequiredDamping, criteria: Criteria) -> tuple[int, ...]:

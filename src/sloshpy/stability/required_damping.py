@@ -64,9 +64,11 @@ class RequiredDamping:
             return f"{self.tank}: {stable}; none up to critical gives a disc margin of {self.disc_margin:g}"
         if self.required == 0.0:
             return f"{self.tank}: needs no slosh damping for a disc margin of {self.disc_margin:g}"
+        hertz = float(self.omega) / 2.0 / np.pi
+        where = "where its minimum ends" if np.isnan(hertz) else f"at {hertz:.4f} Hz"
         return (
             f"{self.tank}: neutral at {100.0 * float(self.neutral):.4f} %, disc margin {self.disc_margin:g} from "
-            f"{100.0 * float(self.required):.4f} % on, at {float(self.omega) / 2.0 / np.pi:.4f} Hz"
+            f"{100.0 * float(self.required):.4f} % on, {where}"
         )
 
     def to_dataset(self) -> "xr.Dataset":
