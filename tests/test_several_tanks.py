@@ -46,6 +46,27 @@ def test_a_tank_split_into_two_halves_keeps_verdict_and_amplitudes():
     assert split.cycles[0].slosh_amplitude["twin"] == pytest.approx(whole.cycles[0].slosh_amplitude["LOX"], rel=1e-6)
 
 
+@pytest.mark.parametrize("parts", [(700.0, 300.0), (333.0, 333.0, 334.0), (250.0,) * 4, (400.0, 200.0, 200.0, 200.0)])
+def test_a_tank_split_into_equal_frequencies_is_the_whole_again(parts):
+    # the differences of the parts' motions are modes that no engine moves: their poles fall on one another
+    rest = [
+        SloshMass(name=f"part {k}", slosh_mass=m, station=9.0, frequency=2.0, damping=PowerDamping(slope=0.1))
+        for k, m in enumerate(parts[1:])
+    ]
+    whole, split = assess(paper_case()), assess(paper_case(tank={"slosh_mass": parts[0]}, more=rest))
+    assert split.verdict == "pass"
+    assert split.margins.trusted
+    one = whole.tanks[0].limit_cycle
+    (cycle,), (given,) = split.cycles, whole.cycles
+    for name, amplitude in cycle.slosh_amplitude.items():
+        assert amplitude == pytest.approx(given.slosh_amplitude["LOX"], rel=1e-6), name
+    for tank in split.tanks:
+        part = tank.limit_cycle
+        assert float(part.required.required) == pytest.approx(float(one.required.required), rel=1e-6)
+        assert part.slosh_amplitude == pytest.approx(one.slosh_amplitude, rel=1e-6)
+        np.testing.assert_allclose(part.tvc_amplitude, one.tvc_amplitude, rtol=1e-6)
+
+
 def test_a_damped_tank_outside_the_danger_zone_does_not_fail_the_vehicle():
     review = assess(paper_case(more=(HARMLESS,)))
     assert review.verdict == "pass"

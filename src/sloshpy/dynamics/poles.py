@@ -79,6 +79,7 @@ class Poles:
 
 
 NEUTRAL = 1e-9  # growth below this part of the frequency is rounding
+STOOD = 1e-6  # of a pole: what Newton's method moves a double pole at most, whose derivative is zero there
 
 
 def closed_loop_eigenvalues(loop: Loop) -> ComplexArray:
@@ -127,7 +128,11 @@ def unstable_count(loop: Loop, decades: float = 4.0) -> int:
     line = loop.along()
 
     def turned(omega: Array) -> ComplexArray:
-        sign, _ = np.linalg.slogdet(characteristic_matrix(line, 1j * omega)[0])
+        with np.errstate(invalid="ignore"):
+            sign, _ = np.linalg.slogdet(characteristic_matrix(line, 1j * omega)[0])
+        on = ~np.isfinite(sign) | (sign == 0.0)  # exactly on a neutral pole: the path passes beside it
+        if np.any(on):
+            sign[on] = np.linalg.slogdet(characteristic_matrix(line, 1j * omega[on] * (1.0 + 1e-9))[0])[0]
         reference = (1j * omega + centre) / np.abs(1j * omega + centre)
         return np.asarray(sign / reference**degree)
 
@@ -216,10 +221,14 @@ def _named(loop: Loop, closed: bool) -> Poles:
 
 
 def _copies(values: ComplexArray, moved: Array) -> set[int]:
-    """Return the poles that polishing moved onto another one: they are the Pade approximation's, not the loop's."""
+    """Return the poles that polishing moved onto another one: they are the Pade approximation's, not the loop's.
+
+    One that hardly moved stood there before: three equal tanks have a double pole that no engine moves.
+    """
     copies: set[int] = set()
+    strayed = moved > STOOD * np.abs(values)
     for k in np.argsort(moved):
-        same = np.abs(values - values[k]) < 1e-9 * np.abs(values[k])
+        same = (np.abs(values - values[k]) < 1e-9 * np.abs(values[k])) & strayed
         if k not in copies:
             copies |= {int(i) for i in np.flatnonzero(same) if i != k}
     return copies

@@ -16,6 +16,7 @@ from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.limit_cycle.branch import Follower, Mode
+from sloshpy.limit_cycle.growth import slosh_pole
 from sloshpy.units import Array
 
 STEPS = 400  # of one period at least
@@ -72,7 +73,7 @@ def limited_modes(case: Case, tank: int, amplitude: Array) -> list[LimitedMode |
     start = LEAST if case.autopilot.actuator is not None and case.autopilot.actuator.deadband else 1.0
     first = _scaled(loop, complex(start))
     poles = closed_loop_poles(loop if start == 1.0 else _without_gain(loop))
-    pole = complex(poles.value[poles.tank.index(loop.plant.tanks[tank])])
+    pole = slosh_pole(poles, loop.plant.tanks[tank])
     follower = Follower(loop=first, laws=laws, tank=tank)
     near = follower.small(pole, float(amplitude[0]))
     found: list[LimitedMode | None] = []

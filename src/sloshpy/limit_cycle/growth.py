@@ -14,7 +14,7 @@ from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import open_loop
-from sloshpy.dynamics.poles import closed_loop_poles
+from sloshpy.dynamics.poles import Poles, closed_loop_poles
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import Follower, Mode
 from sloshpy.units import Array, ComplexArray
@@ -173,10 +173,16 @@ def follow(case: Case, tank: int, high: float | None = None, low: float | None =
             "a tank's damping hardly falls with the amplitude: what the loop does at small amplitude is not reached; "
             "give a constant, or an exponent of 0.05 and more"
         )
-    poles = closed_loop_poles(loop)
-    pole = complex(poles.value[poles.tank.index(loop.plant.tanks[tank])])
+    pole = slosh_pole(closed_loop_poles(loop), loop.plant.tanks[tank])
     follower = Follower(loop=loop, laws=laws, tank=tank)
     return follower.along(pole, max(start, law.smallest_amplitude), high)
+
+
+def slosh_pole(poles: Poles, tank: str) -> complex:
+    """Return the pole in rad/s that is a tank's slosh."""
+    if tank not in poles.tank:
+        raise OutsideValidity(f"no pole of the loop is the slosh of {tank}: its growth cannot be followed; simulate it")
+    return complex(poles.value[poles.tank.index(tank)])
 
 
 def _fallen(law: DampingLaw, most: float, rest: float) -> float:
