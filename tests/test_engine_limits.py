@@ -5,12 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from cases import paper_case
+from cases import paper_case, xi
+from sloshpy.assess import assess
 from sloshpy.autopilot import Actuator
+from sloshpy.damping import PowerDamping, SumDamping
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle import degradation_map, limit_cycles, two_axis_cycles
 from sloshpy.limit_cycle.engine_limits import actuator_factor
 from sloshpy.simulation import simulate, simulate_ensemble, simulate_two_axes
+from sloshpy.vehicle import Aerodynamics, SloshMass
 
 DEGRADED = {"gain": 10 ** (4.4 / 20), "delay": 0.17}
 
@@ -93,3 +96,41 @@ def test_what_knows_no_limits_refuses_them_instead_of_leaving_them_out():
     cells = degradation_map(stop, gain_db=np.array([-6.0, 0.0, 3.0]), delay=np.array([0.0, 0.1]))
     assert np.all(np.isnan(cells.tvc[1:]))  # 1.2 mrad and more
     assert np.all(cells.tvc[0] < 1e-3)
+
+
+def test_an_unstable_vehicle_with_a_dead_band_gets_no_verdict():
+    """The engine stands still within the band, where the air turns the vehicle over: its kicks are no sinusoid."""
+    air = Aerodynamics(normal_force_slope=1.5e5, center_of_pressure=10.0, speed=300.0)
+    damped = {"slosh_mass": 300.0, "station": 4.0, "frequency": 2.4}
+    second = SloshMass(name="B", slosh_mass=200.0, station=8.0, frequency=2.5, damping=xi(0.06))
+    dead = Actuator(frequency=12.0 * np.pi, damping=0.7, deadband=np.radians(1.5))
+    gains = {"attitude_gain": 1.2, "rate_gain": 0.9, "delay": 0.02}
+    case = paper_case(xi(0.05), vehicle={"aerodynamics": air}, tank=damped, more=(second,), actuator=dead, **gains)
+    review = assess(case)
+    assert review.margins.stable
+    run = simulate(case, 300.0, 0.01)
+    assert np.max(np.abs(run.tvc[-4000:])) > review.case.criteria.tvc_amplitude  # it moves the engine too much
+    assert review.verdict == "invalid"
+    assert "dead band leaves no gain" in review.reasons[0]
+    # the same vehicle without air rests within the band
+    calm = paper_case(xi(0.06), actuator=Actuator(frequency=60.0, damping=0.7, deadband=1e-4))
+    assert assess(calm).verdict == "pass"
+
+
+def test_limits_that_are_never_met_change_no_cycle():
+    """The branch of these two tanks turns back in amplitude, which steps in amplitude cannot follow."""
+    floor = SumDamping(of=(xi(0.001), PowerDamping(slope=0.12)))
+    lox = {"slosh_mass": 600.0, "station": 9.0, "frequency": 2.0}
+    lh2 = SloshMass(name="LH2", slosh_mass=250.0, station=2.5, frequency=2.1, damping=floor)
+    engine = {"frequency": 12.0 * np.pi, "damping": 0.7}
+    free, held = (
+        paper_case(PowerDamping(slope=0.12), tank=lox, more=(lh2,), delay=0.02, actuator=Actuator(**engine, **limit))
+        for limit in ({}, {"rate_limit": np.radians(15.0), "deflection_limit": np.radians(6.0)})
+    )
+    one, other = limit_cycles(free), limit_cycles(held)
+    assert len(one) == len(other) > 0
+    for a, b in zip(one, other, strict=True):
+        assert b.tvc_amplitude == pytest.approx(a.tvc_amplitude, rel=1e-12)
+        assert b.disturbance == pytest.approx(a.disturbance, rel=1e-9)
+    settled = simulate(held, 1500.0, 0.2)
+    assert settled.tvc_envelope.amplitude == pytest.approx(other[0].tvc_amplitude, rel=5e-3)

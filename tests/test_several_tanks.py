@@ -9,6 +9,7 @@ from sloshpy.assess import assess
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.dynamics.loop import open_loop
 from sloshpy.limit_cycle import predict_limit_cycle
+from sloshpy.simulation import simulate
 from sloshpy.stability import (
     damping_sweep,
     joint_damping,
@@ -183,3 +184,28 @@ def test_the_shared_requirement_is_continuous_along_the_vehicle_and_in_every_ans
     assert np.max(np.abs(np.diff(along[:-1]))) < 0.004
     sweep = damping_sweep(case, (0.04, along[-1]), 1)
     assert sweep.disc_margin == pytest.approx([slosh_margin(case, [joint_damping(case)[0], 0.04]), 1.0], abs=1e-5)
+
+
+def test_a_tank_whose_data_end_before_the_cycle_gets_no_verdict_though_it_needs_nothing_of_its_own():
+    first = {"slosh_mass": 850.0, "frequency": 2.05}
+    law = TableDamping(amplitude=[0.0, 0.1, 0.2], ratio=[0.002, 0.01, 0.02])
+    ends = SloshMass(name="ends", slosh_mass=150.0, station=7.5, frequency=2.05, damping=law)
+    review = assess(paper_case(tank=first, more=(ends,)))
+    assert not review.margins.stable
+    assert review.verdict == "invalid"
+    assert review.cycles is None
+    assert any("no limit cycle that attracts is found" in reason for reason in review.reasons)
+    # the equations themselves leave the data, before any cycle
+    run = simulate(review.case, 300.0, 0.01)
+    assert "beyond the damping data" in run.stopped
+
+
+@pytest.mark.parametrize("law", [PowerDamping(slope=0.1), xi(0.05)])
+def test_a_small_tank_beside_a_large_one_is_held_to_its_own_radius(law):
+    small = SloshMass(name="small", slosh_mass=200.0, station=9.0, frequency=2.0, damping=law, radius=0.5)
+    review = assess(paper_case(tank={"slosh_mass": 800.0, "radius": 2.5}, more=(small,)))
+    (cycle,) = review.tanks[0].limit_cycle.coupled
+    assert cycle.slosh_amplitude["small"] > 0.25 * 0.5
+    assert review.verdict == "invalid"
+    share = 100.0 * cycle.slosh_amplitude["small"] / 0.5
+    assert any("small" in r and f"{share:.0f} % of the tank radius" in r for r in review.reasons)

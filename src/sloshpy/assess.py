@@ -250,6 +250,8 @@ def _verdict(
     _judge_loop(all_, case, found, poles, len(tanks))
     _judge_tanks(all_, case, tanks)
     for one in cycles or ():
+        if one.stable:
+            all_.invalid.extend(f"as given, {name}: {words}" for name, words in one.beyond_model(case).items())
         if one.stable and one.tvc_amplitude > case.criteria.tvc_amplitude:
             limit = np.degrees(case.criteria.tvc_amplitude)
             all_.failed.append(f"the loop as given has a {one}, more than {limit:.3g} deg")

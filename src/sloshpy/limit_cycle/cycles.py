@@ -15,15 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sloshpy.autopilot import forward_transfer
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.dynamics.loop import open_loop
+from sloshpy.damping.validity import NO_MODEL_SHARE_OF_RADIUS
+from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import RELATIVE, Follower, Mode, slosh_stiffness
-from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, limited_mode, limited_modes
+from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, actuator_factor, limited_mode, limited_modes
 from sloshpy.limit_cycle.growth import amplitude_range, follow
 from sloshpy.units import Array, ComplexArray
 
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Stiffness = Callable[[complex], tuple[ComplexArray, ComplexArray]]
+DEAD_BAND_GAINS = (1e-9, *np.geomspace(1e-3, 1.0, 13)[:-1])  # parts of the loop gain that a dead band may leave
 PHASE = 1e-7  # of the frequency: a root nearer to zero is the cycle's phase
 
 
@@ -51,6 +54,15 @@ class Cycle:
     def stable(self) -> bool:
         """Whether the cycle attracts: every small disturbance of it, in whatever mode, dies out."""
         return self.disturbance < 0.0
+
+    def beyond_model(self, case: Case) -> dict[str, str]:
+        """Return the tanks whose slosh is so great a part of the radius that no spring-mass describes it, in words."""
+        return {
+            tank.name: f"slosh of {a:.3f} m is {100.0 * a / float(tank.radius):.0f} % of the tank radius: "
+            "no spring-mass describes that"
+            for tank, a in zip(case.vehicle.tanks, self.slosh_amplitude.values(), strict=True)
+            if tank.radius is not None and a > NO_MODEL_SHARE_OF_RADIUS * float(tank.radius)
+        }
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the cycle as an xarray Dataset over the tanks."""
@@ -78,17 +90,48 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     """Return every limit cycle of the loop as given on the branches from small amplitude, all tanks coupled.
 
     Raises:
-        OutsideValidity: two slosh modes grow at small amplitude; one sinusoid then predicts no limit cycle.
+        OutsideValidity: two modes grow at small amplitude, or one that is no slosh grows within the engine's dead band:
+            no sinusoid describes that; or slosh grows and no cycle that attracts is found within the damping data.
     """
     single(case, "limit_cycles")
-    if not any(_varies(case, j) for j in range(len(case.vehicle.tanks))):
+    actuator = case.autopilot.actuator
+    dead = actuator is not None and bool(actuator.deadband)
+    varies = any(_varies(case, j) for j in range(len(case.vehicle.tanks)))
+    if not (dead or varies):
         return ()
     loop = open_loop(case)
-    growing = [p for p in closed_loop_poles(loop).value if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
+    poles = closed_loop_poles(loop)
+    growing = [
+        (p, kind) for p, kind in zip(poles.value, poles.kind, strict=True) if p.real > NEUTRAL * abs(p) and p.imag > 0.0
+    ]
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
-    actuator = case.autopilot.actuator
-    return _limited(case) if actuator is not None and actuator.limited else one_sinusoid_cycles(case)
+    if dead:
+        _check_dead_band(loop)
+    found = _limited(case) if actuator is not None and actuator.limited else one_sinusoid_cycles(case)
+    if varies and [kind for _, kind in growing] == ["slosh"] and not any(cycle.stable for cycle in found):
+        raise OutsideValidity(
+            "slosh grows from small amplitude, and no limit cycle that attracts is found as far as the damping data "
+            "reach; simulate it"
+        )
+    return found
+
+
+def _check_dead_band(loop: Loop) -> None:
+    """Raise where a mode that is no slosh grows with the gain that a dead band leaves of the loop's.
+
+    The engine then stands still until the command leaves the band, and kicks: no sinusoid describes that.
+    """
+    for share in DEAD_BAND_GAINS:
+        part = loop.autopilot.model_copy(update={"gain": loop.autopilot.gain * share})
+        poles = closed_loop_poles(replace(loop, autopilot=part))
+        for p, name, kind in zip(poles.value, poles.name, poles.kind, strict=True):
+            if kind != "slosh" and p.real > NEUTRAL * float(np.max(loop.plant.tank_frequency)):
+                left = "no gain" if share == DEAD_BAND_GAINS[0] else f"{100.0 * share:.3g} % of the gain"
+                raise OutsideValidity(
+                    f"the engine's dead band leaves {left}, with which {name} grows at {p.real:.3g} 1/s: it cycles "
+                    "about the band, and no sinusoid describes that; simulate it"
+                )
 
 
 def one_sinusoid_cycles(case: Case) -> tuple[Cycle, ...]:
@@ -108,7 +151,9 @@ def _limited(case: Case) -> tuple[Cycle, ...]:
     """Return the cycles of a loop whose actuator has limits or a dead band; its linear loop says little of them."""
     from scipy.optimize import brentq  # 0.3 s: only where a limit cycle may be
 
-    found: list[Cycle] = []
+    # where the engine stays within its limits the loop without them has the cycle: its branch may turn back in
+    # amplitude, which the steps in amplitude below cannot follow
+    found = [cycle for cycle in one_sinusoid_cycles(case) if _within_limits(case, cycle)]
     loop = open_loop(case)
     for j, tank in enumerate(case.vehicle.tanks):
         low, high = amplitude_range(tank.damping)
@@ -117,6 +162,8 @@ def _limited(case: Case) -> tuple[Cycle, ...]:
         for k in range(len(amplitude) - 1):
             one, other = modes[k], modes[k + 1]
             if one is None or other is None or one.mode.pole.real * other.mode.pole.real >= 0.0:
+                continue
+            if one.kappa == other.kappa == 1.0:
                 continue
 
             def at(a: float, j: int = j, near: LimitedMode = one) -> LimitedMode:
@@ -137,6 +184,14 @@ def _limited(case: Case) -> tuple[Cycle, ...]:
             if not any(_same(cycle, seen) for seen in found):
                 found.append(cycle)
     return tuple(found)
+
+
+def _within_limits(case: Case, cycle: Cycle) -> bool:
+    """Whether the engine moves in a cycle as if it had no limits and no dead band."""
+    actuator = case.autopilot.actuator
+    assert actuator is not None
+    linear = abs(complex(forward_transfer(case.autopilot.actuator_alone, np.array(1j * cycle.omega))))
+    return actuator_factor(actuator, cycle.tvc_amplitude / linear, cycle.omega)[0] == 1.0
 
 
 def _zeros(follower: Follower, modes: tuple[Mode, ...]) -> list[Mode]:

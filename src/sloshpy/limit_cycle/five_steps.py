@@ -192,6 +192,9 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         unsupported.append(
             f"degraded by its whole margin the loop is no single oscillation, which the five steps do not bound: {why}"
         )
+    for cycle in stable:  # its own is told already
+        beyond = {name: words for name, words in cycle.beyond_model(case).items() if name != mass.name}
+        unsupported += [f"with all tanks coupled, {name}: {words}" for name, words in beyond.items()]
     acceptable: bool | None = bool(worst <= criteria.tvc_amplitude)  # step 5
     return LimitCycle(
         case=case,
