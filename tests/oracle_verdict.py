@@ -98,6 +98,8 @@ def shares(case, xi, omega):
     count = len(case.vehicle.tanks) + len(case.vehicle.flexible_modes)
     own = [(L(moved(case, g, 1 + h), 1j * at) - L(moved(case, g, 1 - h), 1j * at)) / (2 * h) for g in range(count)]
     part = [-(d / slope).real for d in own]
+    for j, tank in enumerate(case.vehicle.tanks):  # far below its frequency the mass follows the body
+        part[j] *= omega >= 0.3 * tank.frequency
     return np.array([*part, 1.0 - sum(part)])
 
 

@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 import oracle
+import oracle_verdict
 from cases import PAPER_LAW, paper_case, random_case, xi
+from sloshpy.autopilot import Actuator
 from sloshpy.stability import margins
-from sloshpy.vehicle import SloshMass
+from sloshpy.vehicle import Aerodynamics, SloshMass
 from test_loop import _varied, pick
 
 GRID = 1_000_000
@@ -102,6 +104,30 @@ def test_global_minimum_and_slosh_minimum_are_told_apart_at_zero_damping():
     slosh, _ = found.slosh_disc_margin(0)
     assert abs(float(slosh)) == pytest.approx(2.474, abs=1e-3)
     assert value[np.argmin(value)] == pytest.approx(1.865, abs=1e-3)
+
+
+@pytest.mark.parametrize("attitude_gain", [0.08, 0.018])
+def test_a_minimum_far_below_every_slosh_frequency_is_the_rigid_bodys(attitude_gain):
+    """The air makes the loop's static gain finite; the masses follow there, their damping hardly moves the margin."""
+    air = Aerodynamics(normal_force_slope=1.9e5, center_of_pressure=6.02, speed=300.0)
+    case = paper_case(
+        vehicle={"aerodynamics": air, "accelerometer_station": 2.6},
+        tank={"slosh_mass": 300.0, "station": 1.66, "frequency": 1.9},
+        more=(SloshMass(name="b", slosh_mass=225.0, station=10.0, frequency=2.06, damping=xi(0.03)),),
+        attitude_gain=attitude_gain,
+        accelerometer_gain=-0.003,
+        delay=0.03,
+        actuator=Actuator(frequency=35.0, damping=0.7),
+    )
+    found = margins(case, damping=0.03)
+    low = [(w, v, mode) for w, v, mode in found.listed(found.minima) if w < 0.3 * 1.9]
+    assert low
+    for omega, value, mode in low:
+        assert mode == "rigid body"
+        L, _ = oracle_verdict.response(case, np.array([0.06, 0.06]), np.array([omega]))  # twice the damping
+        assert oracle_verdict.distance(L, case.criteria)[0] == pytest.approx(value, abs=0.02)
+    for tank in (0, 1):
+        assert found.slosh_disc_margin(tank)[1] > 0.3 * 1.9
 
 
 def test_a_nearly_undamped_second_tank_is_not_missed():

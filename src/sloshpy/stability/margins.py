@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 RIGID = "rigid body"
 AUDIBLE = np.log(100.0)  # phase crossings beyond +-40 dB are no margins: undamped poles and zeros, wrapped delay
 DISTANT = 4.0  # minima of eq 24 beyond this are listed in data, not on the screen
+FOLLOWS = 0.3  # of a slosh frequency: below, a mass follows the body (its damper, at 10 %, gives 6 % of the force)
 RELATED_SHARE = 0.5  # a point belongs to a tank whose share is at least this part of the greatest
 
 
@@ -314,6 +315,9 @@ def mode_shares(loop: Loop, index: IntArray, omega: Array) -> Array:
     Degrade the loop by a constant k so that k L(jw) = -1: its neutral frequency moves with w_j by
     d ln w / d ln w_j = -(dL/d ln w_j) / (dL/d ln s). Scaling every frequency and rate scales w, so the shares sum to 1
     with the rigid body's and its controller's as the remainder.
+
+    Far below its own frequency a slosh mass follows the body and its damping tells nothing: it has no share there, or
+    the static margin of a vehicle in the air would be charged to a tank.
     """
     one, s = loop.take(index), 1j * omega
     sensitivity = frequency_sensitivity(one, s)
@@ -321,6 +325,9 @@ def mode_shares(loop: Loop, index: IntArray, omega: Array) -> Array:
     slope = (transfer(one, s * (1.0 + h)).loop - transfer(one, s * (1.0 - h)).loop) / (2.0 * h)
     with np.errstate(divide="ignore", invalid="ignore"):
         modes = (-sensitivity / slope[..., None]).real
+    w = one.plant.tank_frequency
+    tanks = slice(0, w.shape[-1])
+    modes[..., tanks] = np.where(omega[..., None] < FOLLOWS * w, 0.0, modes[..., tanks])
     return np.concatenate([modes, 1.0 - np.sum(modes, axis=-1, keepdims=True)], axis=-1)
 
 
