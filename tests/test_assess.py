@@ -32,6 +32,7 @@ TANK = {
     "limit_cycle",
 }
 CYCLE = {
+    "required_damping",
     "band_hz",
     "slosh_amplitude_m",
     "tvc_amplitude_rad",

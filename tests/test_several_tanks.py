@@ -68,6 +68,26 @@ def test_a_tank_split_into_equal_frequencies_is_the_whole_again(parts):
         np.testing.assert_allclose(part.tvc_amplitude, one.tvc_amplitude, rtol=1e-6)
 
 
+@pytest.mark.parametrize("small", [250.0, 100.0])
+def test_a_small_part_of_a_tank_needs_what_the_whole_needs(small):
+    # its share of the common minimum is too small for a minimum of its own: the larger part asks for its damping
+    part = SloshMass(name="part", slosh_mass=small, station=9.0, frequency=2.0, damping=PowerDamping(slope=0.1))
+    case = paper_case(tank={"slosh_mass": 1000.0 - small}, more=(part,))
+    whole = float(assess(paper_case()).tanks[0].limit_cycle.required.required)
+    review = assess(case)
+    assert review.verdict == "pass"
+    cycle = review.tanks[1].limit_cycle
+    assert float(cycle.required.required) == 0.0
+    assert float(cycle.together.required) == pytest.approx(whole, rel=1e-6)
+    assert cycle.together.shared_with == ("LOX",)
+    assert "LOX asks for 4.736 %, and cycles with it" in cycle.reasons[0]
+    joint = joint_damping(case)
+    assert slosh_margin(case, [joint[0], 0.0]) < 0.9  # what none of it would leave
+    along = required_damping_map(case, "part", np.linspace(-2.0, 14.0, 33)).required
+    assert np.max(np.abs(np.diff(along))) < 0.02
+    assert np.min(along[:30]) > 0.0
+
+
 def test_a_damped_tank_outside_the_danger_zone_does_not_fail_the_vehicle():
     review = assess(paper_case(more=(HARMLESS,)))
     assert review.verdict == "pass"

@@ -10,6 +10,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case
+from sloshpy.damping.validity import NO_MODEL
 from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.errors import OutsideValidity
@@ -321,6 +322,15 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
             all_.cautions.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
         else:
             target.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
+    known = {tank.name for tank in tanks if any(NO_MODEL in reason for reason in tank.limit_cycle.reasons)}
+    for tank in tanks:  # those that need no five steps of their own swing with the others
+        for one in tank.limit_cycle.coupled:
+            beyond = one.beyond_model(case) if one.stable else {}
+            all_.invalid.extend(
+                f"{name}: degraded by the margin of {tank.name}, all tanks coupled: {words}"
+                for name, words in beyond.items()
+                if name not in known
+            )
     heavy = float(case.vehicle.mass_matrix_margin)
     if heavy < HEAVY_SLOSH:
         all_.cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
@@ -376,9 +386,10 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, Any]:
         },
         "neutral_damping": float(tank.required.neutral),
         "required_damping": float(tank.required.required),
-        "required_damping_together": float(c.required.required),
-        "shared_with": list(c.required.shared_with),
+        "required_damping_together": float(c.together.required),
+        "shared_with": list(c.together.shared_with),
         "limit_cycle": {
+            "required_damping": float(c.required.required),
             "band_hz": [np.min(c.band) / hertz, np.max(c.band) / hertz] if c.band.size else None,
             "slosh_amplitude_m": c.slosh_amplitude,
             "tvc_amplitude_rad": _pair(c.tvc_amplitude),

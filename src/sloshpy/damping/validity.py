@@ -4,6 +4,7 @@ from sloshpy.damping.decay_result import FreeDecay
 
 VALID_SHARE_OF_RADIUS = 0.15  # the mechanical analogue holds to 10-15 % of the tank radius
 NO_MODEL_SHARE_OF_RADIUS = 0.5  # at half the radius the wave at the wall is as high as the tank is wide
+NO_MODEL = "no spring-mass describes that"
 
 
 def check_share_of_radius(found: FreeDecay, radius: float) -> str | None:
@@ -22,7 +23,7 @@ def check_share_of_radius(found: FreeDecay, radius: float) -> str | None:
     if share > NO_MODEL_SHARE_OF_RADIUS:
         raise found.record.refused(
             f"{what} of {largest:.4g} m",
-            f"is {100.0 * share:.0f} % of the tank radius of {radius:.4g} m: no spring-mass describes that",
+            f"is {100.0 * share:.0f} % of the tank radius of {radius:.4g} m: {NO_MODEL}",
             f"check the units of {found.record.column} and of the radius, or name a later --start",
         )
     if share > VALID_SHARE_OF_RADIUS:

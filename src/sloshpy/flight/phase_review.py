@@ -225,7 +225,7 @@ def _at_time(case: Case, whole: bool) -> _AtTime:
         except OutsideValidity as error:
             unsupported = str(error)
         else:
-            required = tuple(tank.limit_cycle.required for tank in review.tanks)
+            required = tuple(tank.limit_cycle.together for tank in review.tanks)
             return _AtTime(held=required[0].source.damping, required=required, assessment=review, unsupported="")
     held = joint_damping(case)
     together, wanted = open_loop(case, held), case.criteria.disc_margin

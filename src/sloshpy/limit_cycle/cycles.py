@@ -19,7 +19,7 @@ from sloshpy.autopilot import forward_transfer
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.damping.validity import NO_MODEL_SHARE_OF_RADIUS
+from sloshpy.damping.validity import NO_MODEL, NO_MODEL_SHARE_OF_RADIUS
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
@@ -58,8 +58,7 @@ class Cycle:
     def beyond_model(self, case: Case) -> dict[str, str]:
         """Return the tanks whose slosh is so great a part of the radius that no spring-mass describes it, in words."""
         return {
-            tank.name: f"slosh of {a:.3f} m is {100.0 * a / float(tank.radius):.0f} % of the tank radius: "
-            "no spring-mass describes that"
+            tank.name: f"slosh of {a:.3f} m is {100.0 * a / float(tank.radius):.0f} % of the tank radius: {NO_MODEL}"
             for tank, a in zip(case.vehicle.tanks, self.slosh_amplitude.values(), strict=True)
             if tank.radius is not None and a > NO_MODEL_SHARE_OF_RADIUS * float(tank.radius)
         }

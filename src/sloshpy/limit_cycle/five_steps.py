@@ -12,7 +12,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
-from sloshpy.damping.validity import NO_MODEL_SHARE_OF_RADIUS, VALID_SHARE_OF_RADIUS
+from sloshpy.damping.validity import NO_MODEL, NO_MODEL_SHARE_OF_RADIUS, VALID_SHARE_OF_RADIUS
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
@@ -37,7 +37,8 @@ class LimitCycle:
     the slosh frequency, the other keeps its own frequency W (xi = f(W A / w), exact). Amplitudes are nan where the
     law's data do not support them; `reasons` says so.
 
-    required: the damping requirement this rests on. band: (K, 2), rad/s, slosh-related intervals with
+    required: the damping requirement this rests on; together: with what coupled tanks ask of this one besides, see
+    `joint_required_damping`. band: (K, 2), rad/s, slosh-related intervals with
     DM < `limit_cycle_disc_margin`. omega: of the least disc margin, rad/s.
     slosh_amplitude, paper_slosh_amplitude: m. tvc_amplitude, paper_tvc_amplitude: (2,), rad, least and greatest.
     gain, delay: the degradation that makes the loop neutral at omega: amplitude ratio and s.
@@ -52,6 +53,7 @@ class LimitCycle:
     case: Case
     tank: str
     required: RequiredDamping
+    together: RequiredDamping
     band: Array
     omega: float
     slosh_amplitude: float
@@ -164,18 +166,23 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     tank = case.tank_index(tank)
     criteria = case.criteria
     loop = open_loop(case, joint_damping(case) if others is None else others)
-    required = joint_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
-    xi = float(required.required)
+    together = joint_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
+    own = required = together if together.own is None else together.own
     mass = case.vehicle.tanks[tank]
-    nothing = _nothing_to_find(case, tank, required)
+    threshold, ends = _threshold(own, criteria)
+    if ends and _hands_over(own, together, criteria):
+        required = together
+        threshold, ends = _threshold(together, criteria)
+    if ends:
+        required = own
+    nothing = _nothing_to_find(case, tank, required, together)
     if nothing is not None:
         return nothing
-    amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
-    damping = np.where(np.arange(len(case.vehicle.tanks)) == tank, xi, loop.damping)
-    threshold = replace(loop, damping=damping)
     band = slosh_band(threshold, criteria, *required.counted)  # step 3
-    if not band.size or falls_short(threshold, required.omega, criteria, criteria.disc_margin):
-        return _without(case, tank, required, None, _why_no_band(threshold, criteria, required))
+    if ends or not band.size:
+        return _without(case, tank, own, None, _why_no_band(_threshold(own, criteria)[0], criteria, own), together)
+    xi = float(required.required)
+    amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     omega = float(required.omega)
     w = float(mass.frequency)
     samples, per_slosh = engine_per_slosh(threshold, tank, band)
@@ -192,14 +199,12 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         unsupported.append(
             f"degraded by its whole margin the loop is no single oscillation, which the five steps do not bound: {why}"
         )
-    for cycle in stable:  # its own is told already
-        beyond = {name: words for name, words in cycle.beyond_model(case).items() if name != mass.name}
-        unsupported += [f"with all tanks coupled, {name}: {words}" for name, words in beyond.items()]
     acceptable: bool | None = bool(worst <= criteria.tvc_amplitude)  # step 5
     return LimitCycle(
         case=case,
         tank=mass.name,
         required=required,
+        together=together,
         band=band,
         omega=omega,
         slosh_amplitude=consistent,
@@ -214,7 +219,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         acceptable=None if unsupported and (acceptable or np.isnan(extremes[1])) else acceptable,
         reasons=tuple(
             unsupported
-            + _told_of_sharing(required)
+            + _told_of_sharing(required, together)
             + _cautions(case, tank, amplitude, largest)
             + _caution_of_zero(mass.name, samples, tvc, band)
         ),
@@ -250,23 +255,51 @@ def _degraded(case: Case, threshold: Loop, omega: float) -> _Degraded:
     return _Degraded(gain=gain, delay=delay, growth=growth, coupled=coupled, unpredicted=unpredicted)
 
 
-def _nothing_to_find(case: Case, tank: int, required: RequiredDamping) -> LimitCycle | None:
+def _hands_over(own: RequiredDamping, together: RequiredDamping, criteria: Criteria) -> bool:
+    """Whether the minimum that ends at a tank's own requirement becomes that of a tank which asks for more."""
+    tank, *others = together.counted
+    if not (others and own.required > 0.0):
+        return False
+    below = replace(own, required=own.required * (1.0 - 1e-6))
+    found = loop_margins(_threshold(below, criteria)[0], criteria, crossings=False)
+    omega = found.slosh_disc_margin(tank)[1]
+    return bool(np.any(found.related(*others) & (found.minima.omega == omega)))
+
+
+def _nothing_to_find(case: Case, tank: int, required: RequiredDamping, together: RequiredDamping) -> LimitCycle | None:
     """Return the answer where no amplitude gives the required damping, or none has to; else None."""
     xi, mass = float(required.required), case.vehicle.tanks[tank]
+
+    def answer(acceptable: bool | None, reason: str) -> LimitCycle:
+        return _without(case, tank, required, acceptable, reason, together)
+
     if np.isnan(xi):
-        return _without(case, tank, required, False, _why_none(case, required.source, tank))
+        return answer(False, _why_none(case, required.source, tank))
+    amplitude = float(mass.damping.amplitude(xi)) if xi > 0.0 else 0.0  # at the slosh frequency
+    if np.isinf(amplitude):
+        return answer(False, f"its damping stays below the required {100 * xi:.4g} % at every amplitude")
+    if amplitude != 0.0:
+        return None
     if xi == 0.0:
         rest = [t.name for t in case.vehicle.tanks if t.name != mass.name]
         beside = f" of its own, with {', '.join(rest)} damped as all together need" if rest else ""
-        return _without(case, tank, required, True, f"no slosh damping is needed{beside}: no limit cycle to find")
-    amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
-    if np.isinf(amplitude):
-        short = f"its damping stays below the required {100 * xi:.4g} % at every amplitude"
-        return _without(case, tank, required, False, short)
-    if amplitude == 0.0:
+        enough = f"no slosh damping is needed{beside}: no limit cycle to find"
+    else:
         enough = f"its damping is at least the required {100 * xi:.4g} % at every amplitude"
-        return _without(case, tank, required, True, enough)
-    return None
+    if not together.shared_with or required is together:
+        return answer(True, enough)
+    asked = f"{', '.join(together.shared_with)} asks for {100 * float(together.required):.4g} %"
+    if not np.isfinite(mass.damping.amplitude(float(together.required))):
+        return answer(None, f"{enough}; but {asked}, which its damping never reaches")
+    return answer(True, f"{enough}; {asked}, and cycles with it")
+
+
+def _threshold(required: RequiredDamping, criteria: Criteria) -> tuple[Loop, bool]:
+    """Return the loop at a required damping, and whether the minimum that sets it ends there."""
+    loop = required.source
+    own = np.arange(loop.damping.size) == required.counted[0]
+    threshold = replace(loop, damping=np.where(own, float(required.required), loop.damping))
+    return threshold, bool(falls_short(threshold, required.omega, criteria, required.disc_margin))
 
 
 def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
@@ -318,7 +351,7 @@ def _unsupported(case: Case, tank: int, xi: float, amplitude: float, omega: floa
     reasons = []
     if mass.radius is not None and amplitude > NO_MODEL_SHARE_OF_RADIUS * float(mass.radius):
         share = 100 * amplitude / float(mass.radius)
-        reasons.append(f"slosh of {amplitude:.3f} m is {share:.0f} % of the tank radius: no spring-mass describes that")
+        reasons.append(f"slosh of {amplitude:.3f} m is {share:.0f} % of the tank radius: {NO_MODEL}")
     actuator, degrees = case.autopilot.actuator, np.degrees(tvc)
     if actuator is not None and actuator.deflection_limit is not None and tvc > actuator.deflection_limit:
         limit = np.degrees(actuator.deflection_limit)
@@ -352,14 +385,19 @@ def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> lis
     return cautions
 
 
-def _told_of_sharing(required: RequiredDamping) -> list[str]:
-    """Return what a reader must know where a tank's requirement is another's minimum too."""
-    if not required.shared_with:
+def _told_of_sharing(required: RequiredDamping, together: RequiredDamping) -> list[str]:
+    """Return what a reader must know where other tanks ask something of a tank's damping."""
+    if not together.shared_with:
         return []
-    others = ", ".join(required.shared_with)
+    others = ", ".join(together.shared_with)
+    if required is together:
+        return [
+            f"its minimum becomes that of {others} before it reaches the disc margin: required damping and band count "
+            f"the minima of {others} too"
+        ]
     return [
-        f"its minimum becomes that of {others} before it reaches the disc margin: required damping and band count the "
-        f"minima of {others} too"
+        f"caution: its own minima require {100 * float(required.required):.4g} %, but {others} asks for "
+        f"{100 * float(together.required):.4g} % of it"
     ]
 
 
@@ -374,13 +412,16 @@ def _caution_of_zero(tank: str, omega: Array, tvc: Array, band: Array) -> list[s
     ]
 
 
-def _without(case: Case, tank: int, required: RequiredDamping, acceptable: bool | None, reason: str) -> LimitCycle:
+def _without(
+    case: Case, tank: int, required: RequiredDamping, acceptable: bool | None, reason: str, together: RequiredDamping
+) -> LimitCycle:
     """Return the answer where there is no limit cycle to compute, with its reason."""
     nothing = np.full(2, np.nan)
     return LimitCycle(
         case=case,
         tank=case.vehicle.tanks[tank].name,
         required=required,
+        together=together,
         band=np.zeros((0, 2)),
         omega=np.nan,
         slosh_amplitude=np.nan,

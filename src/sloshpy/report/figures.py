@@ -136,7 +136,7 @@ def leading_limit_cycle(assessment: Assessment) -> LimitCycle:
 
 def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFigure]:
     case, name, cycle = assessment.case, tank.name, tank.limit_cycle
-    required = cycle.required
+    required = cycle.together
 
     @functools.cache
     def sweep() -> DampingSweep:

@@ -24,6 +24,7 @@ from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array, BoolArray
 
 SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
+NOTICED = 1e-2  # relative: by how much another tank falls short of the disc margin before it asks more of a tank
 BESIDE = 1e-6  # relative: a damping just above a requirement
 
 
@@ -80,38 +81,70 @@ def _reach(law: DampingLaw) -> float:
 def joint_required_damping(
     loop: Loop, criteria: Criteria, tank: int, disc_margin: float, levels: int = LEVELS
 ) -> RequiredDamping:
-    """Return the least damping of one tank of a loop or of a batch, the minima that it shares with others counted.
+    """Return the least damping of one tank of a loop or of a batch, with what coupled tanks ask of it.
 
-    Two coupled tanks may share a minimum of eq 24: with more damping of one it becomes the other's before the disc
-    margin is reached. That damping meets no criterion, so the minima of the tanks that are then short count too. Where
-    no margin is reached even so, the tank's own requirement is returned; see `falls_short`.
+    A tank damps more than the minima of eq 24 that are its own: with little of it another tank's may fall short, or its
+    own becomes another's before the disc margin is reached. Where another tank is short by more than a hundredth at
+    what the tank's own minima require, its minima count too: for all larger dampings, or else up to the damping of
+    `loop`, at which all tanks together meet the margin. One that is short even there counts for nothing.
 
     Args:
-        loop: the other tanks damped as all together need. criteria: gain and phase margin of eq 24.
+        loop: all tanks damped as together they need. criteria: gain and phase margin of eq 24.
         tank: its number. disc_margin: threshold of eq 24. levels: how many dampings are scanned.
     """
     own = loop_required_damping(loop, criteria, tank, disc_margin, levels)
+    short = _short(loop, criteria, tank, own.required * (1.0 + BESIDE), disc_margin)
+    rows = np.flatnonzero(np.any(short, axis=-1).ravel())
     if not loop.batch:
-        return _counting_shared(own, criteria, levels)
-    required, omega = own.required.copy(), own.omega.copy()
-    for k in np.ndindex(loop.batch):
-        row = np.asarray(np.ravel_multi_index(k, loop.batch))
-        one = replace(own, neutral=own.neutral[k], required=required[k], omega=omega[k], source=loop.take(row))
-        found = _counting_shared(one, criteria, levels)
+        return _counting_others(own, criteria, levels) if len(rows) else own
+    neutral, required, omega = own.neutral, own.required.copy(), own.omega.copy()
+    for row in rows:
+        k = np.unravel_index(row, loop.batch)
+        one = replace(own, neutral=neutral[k], required=required[k], omega=omega[k], source=loop.take(np.asarray(row)))
+        found = _counting_others(one, criteria, levels)
         required[k], omega[k] = found.required, found.omega
     return replace(own, required=required, omega=omega)
 
 
-def _counting_shared(own: RequiredDamping, criteria: Criteria, levels: int) -> RequiredDamping:
-    """Return what one tank of one loop needs from what its own minima ask."""
-    tank, found = own.counted[0], own
-    while float(found.required) > 0.0 and not _reached(found, criteria):
-        more = _others_short(found, criteria)
-        if not more:
-            return own
-        beside = (*found.counted[1:], *more)
-        found = loop_required_damping(own.source, criteria, tank, own.disc_margin, levels, shared_with=beside)
-    return own if np.isnan(found.required) else found
+def _counting_others(own: RequiredDamping, criteria: Criteria, levels: int) -> RequiredDamping:
+    """Return what one tank of one loop needs, beginning with what its own minima require."""
+    loop, (tank, *_), wanted = own.source, own.counted, own.disc_margin
+    together = loop.damping[tank]
+    never = _short(loop, criteria, tank, together, wanted)
+    found = own
+    while True:
+        short = _short(loop, criteria, tank, found.required * (1.0 + BESIDE), wanted)
+        more = [int(j) for j in np.flatnonzero(short) if j not in found.counted]
+        wider = _wider(found, criteria, levels, (*found.counted[1:], *more), np.inf) if more else None
+        if wider is None:
+            more = [j for j in more if not never[j]]
+            wider = _wider(found, criteria, levels, (*found.counted[1:], *more), float(together)) if more else None
+        if wider is None:
+            return found if found is own else replace(found, own=own)
+        found = wider
+
+
+def _wider(
+    found: RequiredDamping, criteria: Criteria, levels: int, shared_with: tuple[int, ...], until: float
+) -> RequiredDamping | None:
+    tank, wanted = found.counted[0], found.disc_margin
+    wider = loop_required_damping(found.source, criteria, tank, wanted, levels, shared_with, until)
+    return None if np.isnan(wider.required) else wider
+
+
+def _short(loop: Loop, criteria: Criteria, tank: int, ratio: Array, disc_margin: float) -> BoolArray:
+    """Return which other tanks are noticeably short at a damping of one, (..., n_tanks)."""
+    n = len(loop.plant.tanks)
+    size = int(np.prod(loop.batch))
+    ratio = np.asarray(ratio).ravel()
+    short = np.zeros((size, n), dtype=bool)
+    known = np.flatnonzero(np.isfinite(ratio))
+    if n > 1 and len(known):
+        found = loop_margins(with_ratio(loop, known, tank, ratio[known]), criteria, crossings=False)
+        for j in range(n):
+            short[known, j] = np.abs(found.slosh_disc_margin(j)[0]) < disc_margin * (1.0 - NOTICED)
+    short[:, tank] = False
+    return short.reshape(*loop.batch, n)
 
 
 def falls_short(threshold: Loop, omega: Array, criteria: Criteria, disc_margin: float) -> BoolArray:
@@ -128,25 +161,8 @@ def falls_short(threshold: Loop, omega: Array, criteria: Criteria, disc_margin: 
     return np.asarray(~(_distance(threshold, omega, criteria) >= disc_margin * (1.0 - SHORT)))
 
 
-def _reached(found: RequiredDamping, criteria: Criteria) -> bool:
-    distance = float(_distance(_at(found, float(found.required)), found.omega, criteria))
-    return abs(distance - found.disc_margin) <= SHORT * found.disc_margin  # False for nan
-
-
 def _distance(loop: Loop, omega: Array, criteria: Criteria) -> Array:
-    L = transfer(loop, 1j * np.asarray(omega)).loop
+    """Return eq 24 at frequencies in rad/s; nan where there is none."""
+    with np.errstate(invalid="ignore"):
+        L = transfer(loop, 1j * np.asarray(omega)).loop
     return nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin)
-
-
-def _others_short(found: RequiredDamping, criteria: Criteria) -> tuple[int, ...]:
-    """Return the tanks that do not count yet and are short just above the required damping."""
-    rest = [j for j in range(len(found.source.plant.tanks)) if j not in found.counted]
-    if not rest:
-        return ()
-    above = loop_margins(_at(found, float(found.required) * (1.0 + BESIDE)), criteria, crossings=False)
-    least = found.disc_margin * (1.0 - SHORT)
-    return tuple(j for j in rest if np.abs(above.slosh_disc_margin(j)[0]) < least)
-
-
-def _at(found: RequiredDamping, ratio: float) -> Loop:
-    return with_ratio(found.source, np.asarray(0), found.counted[0], np.asarray(ratio))

@@ -35,7 +35,8 @@ class RequiredDamping:
     `disc_margin`. 0 where none is needed, nan where none up to critical damping suffices.
     omega: frequency of the least slosh-related disc margin at the required damping, rad/s.
     source: the loop, whose own damping of this tank plays no part.
-    shared_with: of one loop, tanks whose minima count too, see `joint_required_damping`.
+    shared_with: of one loop, tanks whose minima count too, see `joint_required_damping`. own: then what the tank's own
+    minima alone require.
     """
 
     tank: str
@@ -45,6 +46,7 @@ class RequiredDamping:
     disc_margin: float
     source: Loop
     shared_with: tuple[str, ...] = ()
+    own: "RequiredDamping | None" = None
 
     @property
     def counted(self) -> tuple[int, ...]:
@@ -106,6 +108,7 @@ def loop_required_damping(
     disc_margin: float,
     levels: int = LEVELS,
     shared_with: tuple[int, ...] = (),
+    until: float = np.inf,
 ) -> RequiredDamping:
     """Return the least damping of one tank of a loop or of a batch; see `required_damping`.
 
@@ -113,6 +116,7 @@ def loop_required_damping(
         loop: one loop or a batch. criteria: gain and phase margin of eq 24. tank: its number.
         disc_margin: threshold of eq 24. levels: how many dampings are scanned.
         shared_with: numbers of the tanks whose minima count too.
+        until: damping up to which they do.
     """
     batch = loop.batch
     size = int(np.prod(batch))
@@ -123,8 +127,16 @@ def loop_required_damping(
         return RequiredDamping(
             tank=loop.plant.tanks[tank], neutral=none, required=none, omega=none, disc_margin=disc_margin, source=loop
         )
-    grid, counted = damping_levels(levels), (tank, *shared_with)
-    search = _Search(loop=loop, criteria=criteria, tank=tank, counted=counted, threshold=disc_margin, axis=axis)
+    grid = damping_levels(levels)
+    search = _Search(
+        loop=loop,
+        criteria=criteria,
+        tank=tank,
+        shared_with=shared_with,
+        until=until,
+        threshold=disc_margin,
+        axis=axis,
+    )
     scan = search.from_above(grid)
     neutral = supremum(scan.growth >= axis, grid, search.growing, search.neutral_candidate)
     omega = np.full(size, np.nan)
@@ -168,13 +180,14 @@ class _Found:
 class _Search:
     """What is asked of a loop at many dampings of one tank; `axis` is the growth that counts as none, 1/s.
 
-    counted: numbers of the tanks whose minima count.
+    shared_with, until: numbers of the tanks whose minima count too, and up to which damping of this one.
     """
 
     loop: Loop
     criteria: Criteria
     tank: int
-    counted: tuple[int, ...]
+    shared_with: tuple[int, ...]
+    until: float
     threshold: float
     axis: float
 
@@ -185,17 +198,22 @@ class _Search:
         """
         one = with_ratio(self.loop, index, self.tank, ratio)
         if self.loop.plant.mass.shape[-1] <= SMALL:
-            return self._own(loop_margins(one.along(), self.criteria, crossings=False))
+            return self._own(loop_margins(one.along(), self.criteria, crossings=False), ratio)
         found = _Found(*(np.empty(len(ratio)) for _ in range(3)))
         for row in np.unique(index):
             at = np.flatnonzero(index == row)
             curves = sampled_family(self.loop.take(row), self.tank, ratio[at], self.criteria, self.threshold)
-            part = self._own(loop_margins(one.take(at).along(), self.criteria, False, curves, self.threshold))
+            minima = loop_margins(one.take(at).along(), self.criteria, False, curves, self.threshold)
+            part = self._own(minima, ratio[at])
             found.growth[at], found.margin[at], found.omega[at] = part.growth, part.margin, part.omega
         return found
 
-    def _own(self, found: Margins) -> _Found:
-        margin, omega = found.slosh_disc_margin(*self.counted)
+    def _own(self, found: Margins, ratio: Array) -> _Found:
+        margin, omega = found.slosh_disc_margin(self.tank)
+        if self.shared_with:
+            more, at = found.slosh_disc_margin(*self.shared_with)
+            nearer = (np.abs(more) < np.abs(margin)) & (ratio <= self.until)[..., None]
+            margin, omega = np.where(nearer, more, margin), np.where(nearer, at, omega)
         return _Found(growth=found.growth[..., 0], margin=np.abs(margin[..., 0]), omega=omega[..., 0])
 
     def growing(self, ratio: Array, index: IntArray) -> Array:
