@@ -56,7 +56,9 @@ def simulate_command(
         predicted = predict_limit_cycle(read, tank_of(read, tank))
         if not predicted.band.size or predicted.delay < 0.0:
             why = "; ".join(predicted.reasons) or "it is a phase advance, which no delay makes"
-            raise OutsideValidity(f"no degradation to simulate: {why}")
+            rest = [t.name for t in read.vehicle.tanks if t.name != predicted.tank]
+            cure = f"; choose another tank with --tank: {', '.join(rest)}" if rest else ""
+            raise OutsideValidity(f"no degradation of {predicted.tank} to simulate: {why}{cure}")
         extra = extra[0] * predicted.gain, extra[1] + predicted.delay
     changed = read.model_copy(update={"autopilot": read.autopilot.degraded(*extra)})
     result = simulate(

@@ -72,6 +72,13 @@ class LimitCycle:
     paper_band_tvc: Array
 
     @property
+    def coupled_amplitude(self) -> tuple[float, float]:
+        """Greatest slosh of this tank in m, and engine in rad, of the coupled cycles that attract; nan without one."""
+        stable = [c for c in self.coupled if c.stable]
+        slosh = max((c.slosh_amplitude[self.tank] for c in stable), default=np.nan)
+        return slosh, max((c.tvc_amplitude for c in stable), default=np.nan)
+
+    @property
     def worst_tvc_amplitude(self) -> float:
         """Greatest engine amplitude of the five steps and of the coupled cycles, rad."""
         return max([float(self.tvc_amplitude[1]), *(c.tvc_amplitude for c in self.coupled if c.stable)])

@@ -29,7 +29,8 @@ class Table:
 def criteria_table(assessment: Assessment) -> Table:
     """Return the criteria that the verdict rests on."""
     c, worst = assessment.case.criteria, assessment.worst_tvc_amplitude
-    other = assessment.other_disc_margin
+    other, stable = assessment.other_disc_margin, bool(assessment.margins.stable)
+    found = _number(other, ".3f") if stable else f"{_number(other, '.3f')} from the critical point, the loop unstable"
     return Table(
         title="Criteria",
         head=("Criterion", "Wanted", "Found", "Use"),
@@ -43,7 +44,7 @@ def criteria_table(assessment: Assessment) -> Table:
             (
                 "Disc margin",
                 f">= {c.disc_margin:g}",
-                _number(other, ".3f") if assessment.margins.trusted else NONE,
+                found if assessment.margins.trusted else NONE,
                 "least of the rigid body and other modes; for a tank it sets the required damping",
             ),
             ("Gain axis of the disc", f"{decibel(c.gain_margin):.3g} dB", "", "GM_d of eq 24"),
@@ -71,9 +72,11 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, str]:
     c, z = tank.limit_cycle, tank.zone
     inside = {True: "inside", False: "outside", None: "closed form refused"}[z.inside]
     band = " and ".join(f"{a:.4g} to {b:.4g}" for a, b in c.band / (2.0 * np.pi))
+    coupled_slosh, coupled_engine = c.coupled_amplitude
     return {
         "Damping, loop as read": _number(100.0 * tank.damping_ratio, ".4g", "%"),
-        "Required damping, all tanks together": _needed(float(c.required.required)) if trusted else NONE,
+        "Required damping, all tanks together": _needed(float(c.together.required)) if trusted else NONE,
+        "Required damping in its five steps": _needed(float(c.required.required)) if trusted else NONE,
         "Required damping, others at small amplitude": _needed(float(tank.required.required)) if trusted else NONE,
         "Neutral damping, others at small amplitude": _needed(float(tank.required.neutral)) if trusted else NONE,
         "Slosh disc margin, loop as read": _number(tank.disc_margin, "+.4f") if trusted else NONE,
@@ -85,6 +88,8 @@ def _tank(tank: TankReview, trusted: bool) -> dict[str, str]:
         "Slosh amplitude, paper": _number(c.paper_slosh_amplitude, ".4g", "m"),
         "Engine amplitude, frequency-consistent": _mrad(c.tvc_amplitude),
         "Engine amplitude, paper": _mrad(c.paper_tvc_amplitude),
+        "Slosh amplitude, all tanks coupled": _number(coupled_slosh, ".4g", "m"),
+        "Engine amplitude, all tanks coupled": _number(1e3 * coupled_engine, ".3f", "mrad"),
         "Gain to neutral": _number(c.gain_db, "+.3f", "dB"),
         "Delay to neutral": _number(1e3 * c.delay, "+.1f", "ms") + (", a phase advance" if c.delay < 0.0 else ""),
         "Acceptable": {True: "yes", False: "no", None: "no number supported"}[c.acceptable],

@@ -79,9 +79,9 @@ class TimeHistory:
     def __str__(self) -> str:
         lines = [f"{self.case.name}: {self.time[-1]:.1f} s, step {1e3 * self.step:.2f} ms"]
         for j, tank in enumerate(self.case.vehicle.tanks):
-            most = np.max(np.abs(self.slosh[:, j]))
+            most = np.nanmax(np.abs(self.slosh[:, j]))  # nan where the run stopped
             lines.append(f"  {tank.name} slosh at most {most:.4f} m; {_words(self.slosh_envelope(j), 'm', 1.0)}")
-        most = 1e3 * np.max(np.abs(self.tvc))
+        most = 1e3 * np.nanmax(np.abs(self.tvc))
         lines.append(f"  engine at most {most:.4f} mrad; {_words(self.tvc_envelope, 'mrad', 1e3)}")
         return "\n".join(lines)
 

@@ -102,7 +102,8 @@ class DampingSweep:
     def __str__(self) -> str:
         lines = [str(self.required)]
         for xi, margin, growth, word in zip(self.damping, self.disc_margin, self.growth, self.verdicts, strict=True):
-            lines.append(f"  {100.0 * xi:7.3f} %  slosh disc margin {margin:+8.4f}  growth {growth:+.5f} 1/s  {word}")
+            near = f"slosh disc margin {margin:+8.4f}" if np.isfinite(margin) else "no minimum of its own    "
+            lines.append(f"  {100.0 * xi:7.3f} %  {near}  growth {growth:+.5f} 1/s  {word}")
         return "\n".join(lines)
 
     def to_dataset(self) -> "xr.Dataset":
