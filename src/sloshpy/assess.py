@@ -10,7 +10,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.damping.validity import NO_MODEL
+from sloshpy.damping.validity import NO_MODEL, VALID_SHARE_OF_RADIUS
 from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.errors import OutsideValidity
@@ -322,15 +322,7 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
             all_.cautions.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
         else:
             target.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
-    known = {tank.name for tank in tanks if any(NO_MODEL in reason for reason in tank.limit_cycle.reasons)}
-    for tank in tanks:  # those that need no five steps of their own swing with the others
-        for one in tank.limit_cycle.coupled:
-            beyond = one.beyond_model(case) if one.stable else {}
-            all_.invalid.extend(
-                f"{name}: degraded by the margin of {tank.name}, all tanks coupled: {words}"
-                for name, words in beyond.items()
-                if name not in known
-            )
+    _judge_coupled(all_, case, tanks)
     heavy = float(case.vehicle.mass_matrix_margin)
     if heavy < HEAVY_SLOSH:
         all_.cautions.append(f"caution: the mass matrix is nearly indefinite (1 - m/M - m l^2/I = {heavy:.3g})")
@@ -341,6 +333,22 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
                 f"caution: {mass.name}: the damping data start at {mass.damping.smallest_amplitude:g} m; "
                 "the loop at small amplitude was read there"
             )
+
+
+def _judge_coupled(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:
+    """Hold every tank to its radius in the cycles that another tank's margin leads to."""
+    told = {tank.name: "; ".join(tank.limit_cycle.reasons) for tank in tanks}
+    for tank in tanks:
+        with_it = f"degraded by the margin of {tank.name}, all tanks coupled"
+        for one in (cycle for cycle in tank.limit_cycle.coupled if cycle.stable):
+            beyond = one.beyond_model(case)
+            all_.invalid.extend(f"{n}: {with_it}: {words}" for n, words in beyond.items() if NO_MODEL not in told[n])
+            for name, share in one.shares_of_radius(case).items():
+                if share > VALID_SHARE_OF_RADIUS and name not in beyond and "of the tank radius" not in told[name]:
+                    all_.cautions.append(
+                        f"{name}: caution: {with_it}: slosh of {one.slosh_amplitude[name]:.3f} m is "
+                        f"{100.0 * share:.0f} % of the tank radius; the spring-mass model is less valid beyond 10-15 %"
+                    )
 
 
 def _other_minima(found: Margins, tanks: int) -> Array:

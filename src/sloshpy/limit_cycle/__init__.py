@@ -2,8 +2,9 @@
 
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.limit_cycle.degradation_map import DegradationMap, degradation_map
-from sloshpy.limit_cycle.five_steps import LimitCycle, predict_limit_cycle
+from sloshpy.limit_cycle.five_steps import predict_limit_cycle
 from sloshpy.limit_cycle.growth import GrowthCurve, growth_curve, liveliest_tank
+from sloshpy.limit_cycle.limit_cycle import LimitCycle
 from sloshpy.limit_cycle.periodic_orbit import PeriodicOrbit, periodic_orbit
 from sloshpy.limit_cycle.two_axes import TwoAxisCycle, two_axis_cycles
 

@@ -55,12 +55,16 @@ class Cycle:
         """Whether the cycle attracts: every small disturbance of it, in whatever mode, dies out."""
         return self.disturbance < 0.0
 
+    def shares_of_radius(self, case: Case) -> dict[str, float]:
+        """Return the slosh of each tank over its radius, where one is given."""
+        return {t.name: self.slosh_amplitude[t.name] / float(t.radius) for t in case.vehicle.tanks if t.radius}
+
     def beyond_model(self, case: Case) -> dict[str, str]:
         """Return the tanks whose slosh is so great a part of the radius that no spring-mass describes it, in words."""
         return {
-            tank.name: f"slosh of {a:.3f} m is {100.0 * a / float(tank.radius):.0f} % of the tank radius: {NO_MODEL}"
-            for tank, a in zip(case.vehicle.tanks, self.slosh_amplitude.values(), strict=True)
-            if tank.radius is not None and a > NO_MODEL_SHARE_OF_RADIUS * float(tank.radius)
+            name: f"slosh of {self.slosh_amplitude[name]:.3f} m is {100.0 * share:.0f} % of the tank radius: {NO_MODEL}"
+            for name, share in self.shares_of_radius(case).items()
+            if share > NO_MODEL_SHARE_OF_RADIUS
         }
 
     def to_dataset(self) -> "xr.Dataset":

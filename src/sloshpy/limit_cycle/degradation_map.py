@@ -12,7 +12,8 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.limit_cycle.degraded_cycles import UNSUPPORTED, DegradedCycles
-from sloshpy.limit_cycle.five_steps import LimitCycle, predict_limit_cycle
+from sloshpy.limit_cycle.five_steps import predict_limit_cycle
+from sloshpy.limit_cycle.limit_cycle import LimitCycle
 from sloshpy.units import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
