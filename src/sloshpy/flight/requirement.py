@@ -135,8 +135,8 @@ def _assumptions(result: FlightAssessment, tank: str) -> tuple[str, ...]:
     notes = dict.fromkeys(f"{phase.name}: {note}" for phase in phases for note in phase.notes)
     return (
         "required: least ratio above which, for every larger one up to critical, the loop is stable and every disc "
-        "margin related to this tank meets the criterion, and where its minimum becomes another tank's before it does, "
-        "that tank's too; nan where there is none",
+        "margin related to this tank meets the criterion; where another tank is short by more than 1 % of it there, "
+        "also what that tank asks of this one; nan where there is none",
         "the other tanks are held at the damping in the last column: where all tanks together meet the criterion, each "
         "by its own law at one common amplitude",
         "each time is a frozen linear loop: small angles, mass properties and acceleration of the moment",
