@@ -35,3 +35,7 @@ class InputError(ValueError):
 
 class OutsideValidity(ValueError):
     """A number was asked for that the model or the data does not support; the text says why."""
+
+
+class NoAttractor(OutsideValidity):
+    """Slosh grows from small amplitude, and no limit cycle that attracts is found within the damping data."""

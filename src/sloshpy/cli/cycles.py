@@ -7,9 +7,10 @@ from cyclopts import Parameter
 
 from sloshpy.cli.app import app
 from sloshpy.cli.options import CaseFile, LivelyTank, Output, Tank, figure_path, lively_tank_of, save, tank_of
-from sloshpy.errors import OutsideValidity
+from sloshpy.errors import NoAttractor, OutsideValidity
 from sloshpy.files import read_case
 from sloshpy.limit_cycle import (
+    Cycle,
     LimitCycle,
     degradation_map,
     growth_curve,
@@ -47,8 +48,12 @@ def growth(case: CaseFile, *, tank: LivelyTank = None, output: Output = None) ->
     read, path = read_case(case), figure_path(case, output, "growth")
     curve = growth_curve(read, lively_tank_of(read, tank))
     print(curve)
-    cycles = limit_cycles(read)
-    print("\n".join(f"  {cycle}" for cycle in cycles) or "  no limit cycle of the loop as given")
+    cycles: tuple[Cycle, ...] = ()
+    try:
+        cycles = limit_cycles(read)
+        print("\n".join(f"  {cycle}" for cycle in cycles) or "  no limit cycle of the loop as given")
+    except NoAttractor as error:  # the curve shows as much
+        print(f"  {error}")
     return save(plots.plot_growth(curve, cycles), path)
 
 

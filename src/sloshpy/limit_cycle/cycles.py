@@ -23,7 +23,7 @@ from sloshpy.damping.validity import NO_MODEL, NO_MODEL_SHARE_OF_RADIUS
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
-from sloshpy.errors import OutsideValidity
+from sloshpy.errors import NoAttractor, OutsideValidity
 from sloshpy.limit_cycle.branch import RELATIVE, Follower, Mode, slosh_stiffness
 from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, actuator_factor, limited_mode, limited_modes
 from sloshpy.limit_cycle.growth import amplitude_range, follow
@@ -94,7 +94,8 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
 
     Raises:
         OutsideValidity: two modes grow at small amplitude, or one that is no slosh grows within the engine's dead band:
-            no sinusoid describes that; or slosh grows and no cycle that attracts is found within the damping data.
+            no sinusoid describes that.
+        NoAttractor: slosh grows and no cycle that attracts is found within the damping data.
     """
     single(case, "limit_cycles")
     actuator = case.autopilot.actuator
@@ -113,7 +114,7 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
         _check_dead_band(loop)
     found = _limited(case) if actuator is not None and actuator.limited else one_sinusoid_cycles(case)
     if varies and [kind for _, kind in growing] == ["slosh"] and not any(cycle.stable for cycle in found):
-        raise OutsideValidity(
+        raise NoAttractor(
             "slosh grows from small amplitude, and no limit cycle that attracts is found as far as the damping data "
             "reach; simulate it"
         )

@@ -8,7 +8,7 @@ from sloshpy.case import Case
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
-from sloshpy.errors import OutsideValidity
+from sloshpy.errors import NoAttractor, OutsideValidity
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.limit_cycle.neutral import neutral_cycles
 from sloshpy.units import Array, BoolArray, IntArray
@@ -93,6 +93,8 @@ class DegradedCycles:
         pilot = self._case.autopilot.degraded(float(self._gain[cell]), float(self._delay[cell]))
         try:
             found = limit_cycles(self._case.model_copy(update={"autopilot": pilot}))
+        except NoAttractor:
+            return
         except OutsideValidity:
             self.reason[cell] = SEVERAL
             return
