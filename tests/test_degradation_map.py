@@ -8,7 +8,7 @@ import pytest
 import oracle
 from cases import paper_case, xi
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
-from sloshpy.errors import OutsideValidity
+from sloshpy.errors import NoAttractor, OutsideValidity
 from sloshpy.files import read_case, write_example
 from sloshpy.limit_cycle import degradation_map, limit_cycles, predict_limit_cycle
 from sloshpy.limit_cycle.degraded_cycles import CYCLE, DIVERGES, REST, SEVERAL, UNSUPPORTED, DegradedCycles
@@ -25,6 +25,8 @@ def full(case, gain_db, delay):
     degraded = case.autopilot.degraded(10 ** (gain_db / 20), delay)
     try:
         found = limit_cycles(case.model_copy(update={"autopilot": degraded}))
+    except NoAttractor:
+        return 0.0
     except OutsideValidity:
         return np.nan
     return max((cycle.tvc_amplitude for cycle in found if cycle.stable), default=0.0)

@@ -103,7 +103,7 @@ def two_axis_cycles(pitch: Case, yaw: Case | None = None) -> tuple[TwoAxisCycle,
 
     Raises:
         ValueError: the two have different tanks.
-        OutsideValidity: several modes of one axis grow at once, see `limit_cycles`.
+        OutsideValidity: several modes of one axis grow at once, or no planar cycle attracts, see `limit_cycles`.
     """
     yaw = pitch if yaw is None else yaw
     single(pitch, "two_axis_cycles")
