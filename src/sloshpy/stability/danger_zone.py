@@ -219,6 +219,9 @@ def required_damping_map(
 ) -> RequiredDampingMap:
     """Return the required damping and the departure of a tank's slosh mode as its station moves, any autopilot.
 
+    What coupled tanks ask of it counts, see `joint_required_damping`: where a new station leaves another tank short,
+    the curve may rise steeply to the damping that would make up for it.
+
     Args:
         case: one vehicle and autopilot, no batch.
         tank: name or number of the tank to move.
