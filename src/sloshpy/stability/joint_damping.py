@@ -86,7 +86,8 @@ def joint_required_damping(
     A tank damps more than the minima of eq 24 that are its own: with little of it another tank's may fall short, or its
     own becomes another's before the disc margin is reached. Where another tank is short by more than a hundredth at
     what the tank's own minima require, its minima count too: for all larger dampings, or else up to the damping of
-    `loop`, at which all tanks together meet the margin. One that is short even there counts for nothing.
+    `loop`, at which all tanks together meet the margin. One that is short even there, or whose minimum ends before it
+    reaches the margin, counts for nothing.
 
     Args:
         loop: all tanks damped as together they need. criteria: gain and phase margin of eq 24.
@@ -127,9 +128,17 @@ def _counting_others(own: RequiredDamping, criteria: Criteria, levels: int) -> R
 def _wider(
     found: RequiredDamping, criteria: Criteria, levels: int, shared_with: tuple[int, ...], until: float
 ) -> RequiredDamping | None:
+    """Return the requirement with the minima of others counted; None where it is no margin reached.
+
+    Another tank's minimum may end right where all tanks meet the margin; rounding then decides whether it is short.
+    """
     tank, wanted = found.counted[0], found.disc_margin
     wider = loop_required_damping(found.source, criteria, tank, wanted, levels, shared_with, until)
-    return None if np.isnan(wider.required) else wider
+    if np.isnan(wider.required):
+        return None
+    threshold = with_ratio(wider.source, np.asarray(0), tank, np.asarray(wider.required))
+    reached = abs(_distance(threshold, wider.omega, criteria) - wanted) <= SHORT * wanted  # False for nan
+    return wider if reached else None
 
 
 def _short(loop: Loop, criteria: Criteria, tank: int, ratio: Array, disc_margin: float) -> BoolArray:
