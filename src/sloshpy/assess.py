@@ -10,7 +10,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case
-from sloshpy.damping.validity import NO_MODEL, VALID_SHARE_OF_RADIUS
+from sloshpy.damping.validity import words_on_radius
 from sloshpy.dynamics import Poles, closed_loop_poles, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.errors import OutsideValidity
@@ -252,7 +252,8 @@ def _verdict(
     _judge_tanks(all_, case, tanks)
     for one in cycles or ():
         if one.stable:
-            all_.invalid.extend(f"as given, {name}: {words}" for name, words in one.beyond_model(case).items())
+            far = one.on_radius(case).items()
+            all_.invalid.extend(f"as given, {name}: {words}" for name, (words, beyond) in far if beyond)
         if one.stable and one.tvc_amplitude > case.criteria.tvc_amplitude:
             limit = np.degrees(case.criteria.tvc_amplitude)
             all_.failed.append(f"the loop as given has a {one}, more than {limit:.3g} deg")
@@ -337,18 +338,19 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
 
 def _judge_coupled(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:
     """Hold every tank to its radius in the cycles that another tank's margin leads to."""
-    told = {tank.name: "; ".join(tank.limit_cycle.reasons) for tank in tanks}
+    radius = {tank.name: tank.radius for tank in case.vehicle.tanks}
+    told = {}  # what each tank's own limit cycle says already
+    for tank in tanks:
+        amplitude, R = tank.limit_cycle.worst_slosh_amplitude, radius[tank.name]
+        told[tank.name] = words_on_radius(amplitude, float(R)) if R is not None else ("", False)
     for tank in tanks:
         with_it = f"degraded by the margin of {tank.name}, all tanks coupled"
         for one in (cycle for cycle in tank.limit_cycle.coupled if cycle.stable):
-            beyond = one.beyond_model(case)
-            all_.invalid.extend(f"{n}: {with_it}: {words}" for n, words in beyond.items() if NO_MODEL not in told[n])
-            for name, share in one.shares_of_radius(case).items():
-                if share > VALID_SHARE_OF_RADIUS and name not in beyond and "of the tank radius" not in told[name]:
-                    all_.cautions.append(
-                        f"{name}: caution: {with_it}: slosh of {one.slosh_amplitude[name]:.3f} m is "
-                        f"{100.0 * share:.0f} % of the tank radius; the spring-mass model is less valid beyond 10-15 %"
-                    )
+            for name, (words, beyond) in one.on_radius(case).items():
+                if beyond and not told[name][1]:
+                    all_.invalid.append(f"{name}: {with_it}: {words}")
+                elif not told[name][0]:
+                    all_.cautions.append(f"{name}: caution: {with_it}: {words}")
 
 
 def _other_minima(found: Margins, tanks: int) -> Array:

@@ -99,7 +99,7 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
     )
     found = loop_margins(loop, criteria, crossings=False)
     parts = [np.broadcast_to(found.nichols_disc_margin, count), np.broadcast_to(found.growth, count)]
-    reasons = np.where(np.isnan(parts[0]), "no finite disc margin", "").astype(object)
+    reasons = np.full(count, "", dtype=object)
     for j, tank in enumerate(case.vehicle.tanks if how.required else ()):
         required, omega = many_required(loop, criteria, j)
         amplitude = _amplitude(case, j, required, batch.damping_factor[:, j])
@@ -108,6 +108,7 @@ def _linear(dispersion: Dispersion, batch: Varied, first: int, count: int) -> Ro
         ends = f"the minimum of {tank.name} ends or becomes another mode's before it reaches the disc margin"
         reasons[np.isnan(engine) & (reasons == "")] = ends
     values = _with_verdict(dispersion, np.stack(parts, axis=-1))
+    reasons[np.any(np.isnan(values), axis=1) & (reasons == "")] = "no finite disc margin"
     status = np.where(reasons == "", float(Status.OK), float(Status.FAILED))
     return Rows(first=first, values=values, status=status, reasons=tuple(reasons))
 

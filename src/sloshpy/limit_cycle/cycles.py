@@ -19,7 +19,7 @@ from sloshpy.autopilot import forward_transfer
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.damping.validity import NO_MODEL, NO_MODEL_SHARE_OF_RADIUS
+from sloshpy.damping.validity import words_on_radius
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
@@ -55,17 +55,14 @@ class Cycle:
         """Whether the cycle attracts: every small disturbance of it, in whatever mode, dies out."""
         return self.disturbance < 0.0
 
-    def shares_of_radius(self, case: Case) -> dict[str, float]:
-        """Return the slosh of each tank over its radius, where one is given."""
-        return {t.name: self.slosh_amplitude[t.name] / float(t.radius) for t in case.vehicle.tanks if t.radius}
-
-    def beyond_model(self, case: Case) -> dict[str, str]:
-        """Return the tanks whose slosh is so great a part of the radius that no spring-mass describes it, in words."""
-        return {
-            name: f"slosh of {self.slosh_amplitude[name]:.3f} m is {100.0 * share:.0f} % of the tank radius: {NO_MODEL}"
-            for name, share in self.shares_of_radius(case).items()
-            if share > NO_MODEL_SHARE_OF_RADIUS
+    def on_radius(self, case: Case) -> dict[str, tuple[str, bool]]:
+        """Return what to say of each tank that sloshes far in its radius, and whether no model holds there."""
+        told = {
+            t.name: words_on_radius(self.slosh_amplitude[t.name], float(t.radius))
+            for t in case.vehicle.tanks
+            if t.radius
         }
+        return {name: one for name, one in told.items() if one[0]}
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the cycle as an xarray Dataset over the tanks."""
@@ -106,14 +103,14 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     loop = open_loop(case)
     poles = closed_loop_poles(loop)
     growing = [
-        (p, kind) for p, kind in zip(poles.value, poles.kind, strict=True) if p.real > NEUTRAL * abs(p) and p.imag > 0.0
+        kind for p, kind in zip(poles.value, poles.kind, strict=True) if p.real > NEUTRAL * abs(p) and p.imag > 0.0
     ]
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
     if dead:
         _check_dead_band(loop)
     found = _limited(case) if actuator is not None and actuator.limited else one_sinusoid_cycles(case)
-    if varies and [kind for _, kind in growing] == ["slosh"] and not any(cycle.stable for cycle in found):
+    if varies and growing == ["slosh"] and not any(cycle.stable for cycle in found):
         raise NoAttractor(
             "slosh grows from small amplitude, and no limit cycle that attracts is found as far as the damping data "
             "reach; simulate it"

@@ -11,7 +11,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
-from sloshpy.damping.validity import NO_MODEL, NO_MODEL_SHARE_OF_RADIUS, VALID_SHARE_OF_RADIUS
+from sloshpy.damping.validity import words_on_radius
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
@@ -21,8 +21,9 @@ from sloshpy.limit_cycle.band import engine_per_slosh, inner_peak, slosh_band
 from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.limit_cycle.limit_cycle import LimitCycle
 from sloshpy.stability.joint_damping import falls_short, joint_damping, joint_required_damping
-from sloshpy.stability.margins import loop_margins
+from sloshpy.stability.margins import Margins, loop_margins
 from sloshpy.stability.required_damping import RequiredDamping
+from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
 
@@ -55,7 +56,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
         return nothing
     band = slosh_band(threshold, criteria, *required.counted)  # step 3
     if ends or not band.size:
-        return _without(case, tank, own, None, _why_no_band(_threshold(own, criteria)[0], criteria, own), together)
+        return _without(case, tank, own, None, _why_no_band(own, criteria), together)
     xi = float(required.required)
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     omega = float(required.omega)
@@ -135,8 +136,7 @@ def _hands_over(own: RequiredDamping, together: RequiredDamping, criteria: Crite
     tank, *others = together.counted
     if not (others and own.required > 0.0):
         return False
-    below = replace(own, required=own.required * (1.0 - 1e-6))
-    found = loop_margins(_threshold(below, criteria)[0], criteria, crossings=False)
+    found = _just_below(own, criteria)
     omega = found.slosh_disc_margin(tank)[1]
     return bool(np.any(found.related(*others) & (found.minima.omega == omega)))
 
@@ -171,10 +171,13 @@ def _nothing_to_find(case: Case, tank: int, required: RequiredDamping, together:
 
 def _threshold(required: RequiredDamping, criteria: Criteria) -> tuple[Loop, bool]:
     """Return the loop at a required damping, and whether the minimum that sets it ends there."""
-    loop = required.source
-    own = np.arange(loop.damping.size) == required.counted[0]
-    threshold = replace(loop, damping=np.where(own, float(required.required), loop.damping))
+    threshold = with_ratio(required.source, np.asarray(0), required.counted[0], required.required)
     return threshold, bool(falls_short(threshold, required.omega, criteria, required.disc_margin))
+
+
+def _just_below(required: RequiredDamping, criteria: Criteria) -> Margins:
+    below = with_ratio(required.source, np.asarray(0), required.counted[0], required.required * (1.0 - 1e-6))
+    return loop_margins(below, criteria, crossings=False)
 
 
 def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
@@ -187,12 +190,10 @@ def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
         return (), str(error)
 
 
-def _why_no_band(threshold: Loop, criteria: Criteria, required: RequiredDamping) -> str:
+def _why_no_band(required: RequiredDamping, criteria: Criteria) -> str:
     """Return what sets a required damping at which no minimum near the disc margin is the tank's."""
     xi = float(required.required)
-    own = np.arange(threshold.damping.size) == required.counted[0]
-    below = replace(threshold, damping=np.where(own, xi * (1.0 - 1e-6), threshold.damping))
-    found = loop_margins(below, criteria, crossings=False)
+    found = _just_below(required, criteria)
     margin, omega = (float(x) for x in found.slosh_disc_margin(*required.counted))
     if not found.stable or np.isinf(margin):
         return f"its {100 * xi:.4g} % is set by the stability of another mode: it has no band of its own to cycle in"
@@ -224,9 +225,9 @@ def _unsupported(case: Case, tank: int, xi: float, amplitude: float, omega: floa
         ends = f"data or formula end with {100 * float(mass.damping.ratio(last)):.4g} % at {last:.4g} m"
         return [f"outside the damping data: {100 * xi:.4g} % is required, {ends}"]
     reasons = []
-    if mass.radius is not None and amplitude > NO_MODEL_SHARE_OF_RADIUS * float(mass.radius):
-        share = 100 * amplitude / float(mass.radius)
-        reasons.append(f"slosh of {amplitude:.3f} m is {share:.0f} % of the tank radius: {NO_MODEL}")
+    words, beyond = ("", False) if mass.radius is None else words_on_radius(amplitude, float(mass.radius))
+    if beyond:
+        reasons.append(words)
     actuator, degrees = case.autopilot.actuator, np.degrees(tvc)
     if actuator is not None and actuator.deflection_limit is not None and tvc > actuator.deflection_limit:
         limit = np.degrees(actuator.deflection_limit)
@@ -251,12 +252,9 @@ def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> lis
             "not checked: slosh amplitude against the tank radius, of which 10-15 % is valid (none is given)"
         )
     elif mass.radius is not None:
-        share = consistent / float(mass.radius)
-        if VALID_SHARE_OF_RADIUS < share <= NO_MODEL_SHARE_OF_RADIUS:
-            cautions.append(
-                f"caution: slosh of {consistent:.3f} m is {100 * share:.0f} % of the tank radius; the spring-mass "
-                "model is less valid beyond 10-15 %"
-            )
+        words, beyond = words_on_radius(consistent, float(mass.radius))
+        if words and not beyond:
+            cautions.append(f"caution: {words}")
     return cautions
 
 
