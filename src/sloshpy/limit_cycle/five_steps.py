@@ -42,20 +42,15 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     tank = case.tank_index(tank)
     criteria = case.criteria
     loop = open_loop(case, joint_damping(case) if others is None else others)
-    together = joint_required_damping(loop, criteria, tank, criteria.disc_margin)  # step 2
-    own = required = together if together.own is None else together.own
+    together = joint_required_damping(loop, criteria, tank, criteria.disc_margin)
+    required, threshold, ends = _step_two(together, criteria)
     mass = case.vehicle.tanks[tank]
-    threshold, ends = _threshold(own, criteria)
-    if ends and _hands_over(own, together, criteria):
-        required = together
-        threshold, ends = _threshold(together, criteria)
-    if ends:
-        required = own
     nothing = _nothing_to_find(case, tank, required, together)
     if nothing is not None:
         return nothing
     band = slosh_band(threshold, criteria, *required.counted)  # step 3
     if ends or not band.size:
+        own = required if together.own is None else together.own
         return _without(case, tank, own, None, _why_no_band(own, criteria), together)
     xi = float(required.required)
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
@@ -69,12 +64,7 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     stable = [cycle for cycle in neutral.coupled if cycle.stable]
     worst = max([float(extremes[1]), *(cycle.tvc_amplitude for cycle in stable)])
     largest = max([consistent, *(cycle.slosh_amplitude[mass.name] for cycle in stable)])
-    unsupported = _unsupported(case, tank, xi, largest, float(np.max(samples)), worst)
-    if neutral.growth > 1e-9 * omega or neutral.unpredicted:
-        why = neutral.unpredicted or f"another mode grows at {neutral.growth:.3g} 1/s"
-        unsupported.append(
-            f"degraded by its whole margin the loop is no single oscillation, which the five steps do not bound: {why}"
-        )
+    unsupported = _unsupported(case, tank, xi, largest, float(np.max(samples)), worst) + neutral.reasons
     acceptable: bool | None = bool(worst <= criteria.tvc_amplitude)  # step 5
     return LimitCycle(
         case=case,
@@ -107,16 +97,26 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
 
 @dataclass(frozen=True, kw_only=True)
 class _Degraded:
-    """The loop that a gain and a delay, ratio and s, make neutral at the threshold damping; see `LimitCycle`.
+    """The loop that a gain and a delay, ratio and s, make neutral at the threshold damping and omega in rad/s.
 
     unpredicted: why its coupled cycles are not known, empty where they are.
     """
 
+    omega: float
     gain: float
     delay: float
     growth: float = np.nan
     coupled: tuple[Cycle, ...] = ()
     unpredicted: str = ""
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why its oscillation is not bounded by the five steps; none where it is."""
+        if not (self.growth > 1e-9 * self.omega or self.unpredicted):
+            return []
+        why = self.unpredicted or f"another mode grows at {self.growth:.3g} 1/s"
+        text = "degraded by its whole margin the loop is no single oscillation, which the five steps do not bound"
+        return [f"{text}: {why}"]
 
 
 def _degraded(case: Case, threshold: Loop, omega: float) -> _Degraded:
@@ -124,11 +124,25 @@ def _degraded(case: Case, threshold: Loop, omega: float) -> _Degraded:
     L = complex(transfer(threshold, np.array(1j * omega)).loop)
     gain, delay = 1.0 / abs(L), float(np.angle(-L)) / omega
     if delay + float(case.autopilot.delay) < 0.0:  # a phase advance: no loop can be given one
-        return _Degraded(gain=gain, delay=delay)
+        return _Degraded(omega=omega, gain=gain, delay=delay)
     autopilot = case.autopilot.degraded(gain, delay)
     growth = float(greatest_growth(replace(threshold, autopilot=autopilot)))
     coupled, unpredicted = _coupled(case.model_copy(update={"autopilot": autopilot}))
-    return _Degraded(gain=gain, delay=delay, growth=growth, coupled=coupled, unpredicted=unpredicted)
+    return _Degraded(omega=omega, gain=gain, delay=delay, growth=growth, coupled=coupled, unpredicted=unpredicted)
+
+
+def _step_two(together: RequiredDamping, criteria: Criteria) -> tuple[RequiredDamping, Loop, bool]:
+    """Return the requirement that the steps rest on, the loop at it, and whether its minimum ends there.
+
+    That of the tank's own minima; where they become another tank's before the disc margin, that of both.
+    """
+    own = together if together.own is None else together.own
+    threshold, ends = _threshold(own, criteria)
+    if ends and _hands_over(own, together, criteria):
+        of_both, ends_too = _threshold(together, criteria)
+        if not ends_too:
+            return together, of_both, False
+    return own, threshold, ends
 
 
 def _hands_over(own: RequiredDamping, together: RequiredDamping, criteria: Criteria) -> bool:

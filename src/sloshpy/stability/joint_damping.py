@@ -97,32 +97,32 @@ def joint_required_damping(
     short = _short(loop, criteria, tank, own.required * (1.0 + BESIDE), disc_margin)
     rows = np.flatnonzero(np.any(short, axis=-1).ravel())
     if not loop.batch:
-        return _counting_others(own, criteria, levels) if len(rows) else own
+        return _counting_others(own, short, criteria, levels)
     neutral, required, omega = own.neutral, own.required.copy(), own.omega.copy()
     for row in rows:
         k = np.unravel_index(row, loop.batch)
         one = replace(own, neutral=neutral[k], required=required[k], omega=omega[k], source=loop.take(np.asarray(row)))
-        found = _counting_others(one, criteria, levels)
+        found = _counting_others(one, short[k], criteria, levels)
         required[k], omega[k] = found.required, found.omega
     return replace(own, required=required, omega=omega)
 
 
-def _counting_others(own: RequiredDamping, criteria: Criteria, levels: int) -> RequiredDamping:
-    """Return what one tank of one loop needs, beginning with what its own minima require."""
+def _counting_others(own: RequiredDamping, short: BoolArray, criteria: Criteria, levels: int) -> RequiredDamping:
+    """Return what one tank of one loop needs, beginning with what its own minima require, where `short` are short."""
     loop, (tank, *_), wanted = own.source, own.counted, own.disc_margin
     together = loop.damping[tank]
-    never = _short(loop, criteria, tank, together, wanted)
     found = own
-    while True:
-        short = _short(loop, criteria, tank, found.required * (1.0 + BESIDE), wanted)
-        more = [int(j) for j in np.flatnonzero(short) if j not in found.counted]
-        wider = _wider(found, criteria, levels, (*found.counted[1:], *more), np.inf) if more else None
+    while more := [int(j) for j in np.flatnonzero(short) if j not in found.counted]:
+        wider = _wider(found, criteria, levels, (*found.counted[1:], *more), np.inf)
         if wider is None:
+            never = _short(loop, criteria, tank, together, wanted)
             more = [j for j in more if not never[j]]
             wider = _wider(found, criteria, levels, (*found.counted[1:], *more), float(together)) if more else None
         if wider is None:
-            return found if found is own else replace(found, own=own)
+            break
         found = wider
+        short = _short(loop, criteria, tank, found.required * (1.0 + BESIDE), wanted)
+    return found if found is own else replace(found, own=own)
 
 
 def _wider(
