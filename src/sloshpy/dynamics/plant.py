@@ -258,7 +258,7 @@ def state_space(plant: Plant, ratio: Array) -> tuple[Array, Array, Array]:
         ratio: slosh damping ratios, shape (..., n_tanks).
 
     Returns:
-        A (..., N, N), B (..., N), C (..., 2, N).
+        A (..., N, N); B (..., N) and C (..., 2, N) of the plant alone, without the axes of the damping.
     """
     n = plant.mass.shape[-1]
     own, batch = plant.mass.shape[:-2], np.broadcast_shapes(plant.mass.shape[:-2], np.shape(ratio)[:-1])
@@ -266,7 +266,7 @@ def state_space(plant: Plant, ratio: Array) -> tuple[Array, Array, Array]:
     pushed = np.broadcast_to(np.eye(n)[:, plant.slosh], (*own, n, len(plant.tanks)))
     right = np.concatenate([-plant.stiffness, -plant.damping, plant.force[..., None], pushed], axis=-1)
     accelerations = np.linalg.solve(plant.mass, right)
-    A, B = np.zeros((*batch, 2 * n, 2 * n)), np.zeros((*batch, 2 * n))
+    A, B = np.zeros((*batch, 2 * n, 2 * n)), np.zeros((*own, 2 * n))
     A[..., :n, n:] = np.eye(n)
     A[..., n:, :] = accelerations[..., : 2 * n]
     A[..., n:, n:][..., plant.slosh] -= accelerations[..., 2 * n + 1 :] * slosh_damping(plant, ratio)[..., None, :]

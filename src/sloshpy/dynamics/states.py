@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sloshpy.autopilot import PADE_ORDER, series_blocks
+from sloshpy.autopilot.coefficients import axes
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.response import transfer
 from sloshpy.dynamics.sensed import fed
@@ -18,9 +19,12 @@ DelayModel = tuple[int, int]  # parts, and the order of the Pade approximation o
 
 
 def controller(loop: Loop, delay: DelayModel | None = None) -> tuple[Array, Array, Array, Array, list[str]]:
-    """Return A, B, C, D of the forward path from what it is fed to beta, and the group of each state."""
+    """Return A, B, C, D of the forward path from what it is fed to beta, and the group of each state.
+
+    They have the batch axes of the autopilot alone, which broadcast with the loop's.
+    """
     parts, order = delay or (int(np.max(delay_parts(loop))), PADE_ORDER)
-    batch = loop.batch
+    batch = np.broadcast_shapes(*axes(loop.autopilot))
     A, B, C = np.zeros((*batch, 0, 0)), np.zeros((*batch, 0)), np.zeros((*batch, 0))
     D = np.broadcast_to(np.asarray(loop.autopilot.gain, dtype=float), batch)
     groups: list[str] = []
