@@ -1,6 +1,6 @@
 """Loops that differ by slosh dampings on a line: L and slosh are ratios of polynomials along it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,27 +41,30 @@ def damping_line(loop: Loop) -> DampingLine | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Expansion:
-    """One vehicle along a line of dampings: -L = top/bottom and |z_j/beta|^2 = slosh_j/|bottom|^2, rising powers of t.
+    """One vehicle along a line of dampings: -L = (x + j y)/below, |z_j/beta|^2 = slosh_j/below, rising powers of t.
 
-    top, bottom: (k + 1, F). slosh: (n_tanks, powers, F); free of t (1, 1, F), only the greatest counts.
+    x, y, below: (2 k + 1, F). slosh: (n_tanks, powers, F); free of t (1, 1, F), only the greatest counts.
     """
 
-    top: ComplexArray
-    bottom: ComplexArray
+    x: Array
+    y: Array
+    below: Array
     slosh: Array
 
 
 def expansions(loop: Loop, line: DampingLine, omega: Array) -> Iterator[Expansion]:
     """Yield the expansion of each vehicle, in the order of the flattened batch without its last axis.
 
-    The feedback of t direction closes z = (1 + t M)^-1 z_b with M = Z_a diag(2 s w direction). With det(1 + t M) =
-    sum e_j t^j it is z det = sum v_j t^j, v_j = e_j z_b - M v_{j-1}; k is the number of tanks that change.
+    The feedback of t direction closes z = (1 + t M)^-1 z_b with M = Z_a diag(2 s w direction). With e = det(1 + t M) =
+    sum e_j t^j it is z e = sum v_j t^j, v_j = e_j z_b - M v_{j-1}; k is the number of tanks that change. Widened by
+    conj(e), everything stands above |e|^2.
 
     Raises:
         LinAlgError: a frequency stands on an undamped pole of the base.
     """
     plants = loop.take(np.arange(0, int(np.prod(loop.batch)), loop.batch[-1]))
-    size, changed, s = plants.batch[0], np.flatnonzero(line.direction), 1j * omega
+    size, s = plants.batch[0], 1j * omega
+    changed = slice(None) if np.all(line.direction) else np.flatnonzero(line.direction)
     K = np.broadcast_to(forward_transfer(plants.along().autopilot, s), (size, len(omega)))
     rates = np.broadcast_to(2.0 * plants.plant.tank_frequency * line.direction, (size, len(line.base)))[:, changed]
     for i, reference in enumerate(references_on(plants, omega, line.base)):
@@ -70,11 +73,14 @@ def expansions(loop: Loop, line: DampingLine, omega: Array) -> Iterator[Expansio
         M, row = Z_a[:, changed] * rate, Y_a[changed] * rate  # columns of the tanks that change: the others are zero
         e = _determinant(M[changed])
         v, top = [z_b], [y_b]
-        for j in range(1, len(changed) + 1):
+        for j in range(1, len(e)):
             top.append(y_b * e[j] - np.sum(row * v[-1][changed], axis=0))
             if j < len(z_b):  # where every tank changes adj(1 + t M) ends one degree earlier
                 v.append(z_b * e[j] - _applied(M, v[-1][changed]))
-        yield Expansion(top=K[i] * np.array(top), bottom=e, slosh=_squares(v))
+        loops = _product(K[i] * np.array(top), np.conj(e))
+        yield Expansion(
+            x=np.array(loops.real), y=np.array(loops.imag), below=_squares(list(e[:, None]))[0], slosh=_sloshing(v)
+        )
 
 
 def _determinant(M: ComplexArray) -> ComplexArray:
@@ -106,13 +112,27 @@ def _applied(B: ComplexArray, z: ComplexArray) -> ComplexArray:
     return np.asarray(total)
 
 
-def _squares(v: list[ComplexArray]) -> Array:
-    """Return |sum v_j t^j|^2 in rising powers of t, (n, powers, F); free of t only the greatest of the n counts."""
+def _product(a: ComplexArray, b: ComplexArray) -> ComplexArray:
+    """Return the product of two polynomials, (n, F) and (m, F), as (n + m - 1, F)."""
+    total = np.zeros((len(a) + len(b) - 1, a.shape[-1]), dtype=complex)
+    for k, one in enumerate(a):
+        total[k : k + len(b)] += one * b
+    return total
+
+
+def _squares(v: Sequence[ComplexArray]) -> Array:
+    """Return |sum v_j t^j|^2 in rising powers of t, (n, powers, F)."""
     real, imaginary = [x.real.copy() for x in v], [x.imag.copy() for x in v]
-    slosh = np.zeros((len(v[0]), 2 * len(v) - 1, v[0].shape[-1]))
+    total = np.zeros((len(v[0]), 2 * len(v) - 1, v[0].shape[-1]))
     for a in range(len(v)):
         for b in range(a, len(v)):
             both = real[a] * real[b]
             both += imaginary[a] * imaginary[b]
-            slosh[:, a + b] += both if a == b else 2.0 * both
+            total[:, a + b] += both if a == b else 2.0 * both
+    return total
+
+
+def _sloshing(v: list[ComplexArray]) -> Array:
+    """Return the squares of the tanks' motions; free of t only the greatest of them counts."""
+    slosh = _squares(v)
     return np.max(slosh, axis=0, keepdims=True) if len(v) == 1 else slosh

@@ -12,7 +12,7 @@ from sloshpy.case import Criteria
 from sloshpy.dynamics.growth import is_stable
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.response import transfer
-from sloshpy.stability.damping_line import DampingLine, damping_line, expansions
+from sloshpy.stability.damping_line import DampingLine, Expansion, damping_line, expansions
 from sloshpy.stability.nearest import nearest
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.units import Array, BoolArray, IntArray
@@ -86,14 +86,13 @@ def _on_line(loop: Loop, line: DampingLine, omega: Array, criteria: Criteria) ->
     squared, where, gain = np.empty(size), np.empty(size, dtype=int), np.empty(size)
     weight = 0.5 * criteria.phase_margin / np.log(criteria.gain_margin)  # of log|L|^2 against the phase
     some = max(1, BLOCK // F)
-    scratch = np.empty((5, min(some, inner), F))
+    scratch = np.empty((4, min(some, inner), F))
     try:
         for i, one in enumerate(expansions(loop, line, omega)):
-            parts = [np.array(x, dtype=float) for x in (one.top.real, one.top.imag, one.bottom.real, one.bottom.imag)]
             for k in range(0, inner, some):
                 t = line.t[k : k + some]
                 rows = slice(i * inner + k, i * inner + k + len(t))
-                x, y, most = _evaluated(t, parts, one.slosh, scratch[:, : len(t)])
+                x, y, most = _evaluated(t, one, scratch[:, : len(t)])
                 where[rows], squared[rows] = nearest(x, y, weight)
                 gain[rows] = np.max(most, axis=-1)
     except np.linalg.LinAlgError:
@@ -101,34 +100,20 @@ def _on_line(loop: Loop, line: DampingLine, omega: Array, criteria: Criteria) ->
     return squared / criteria.phase_margin**2, where, gain
 
 
-def _evaluated(t: Array, parts: list[Array], slosh: Array, scratch: Array) -> tuple[Array, Array, Array]:
-    """Return x and y of -L = x + j y and the greatest |z_j/beta|^2 at values of t, in three of the scratch arrays."""
-    powers = t[:, None] ** np.arange(max(len(parts[0]), slosh.shape[1]))
-    T = powers[:, : len(parts[0])]
-    x, y, u, v, r = scratch
-    np.matmul(T, parts[0], out=x)
-    np.matmul(T, parts[1], out=y)
-    np.matmul(T, parts[2], out=u)
-    np.matmul(T, parts[3], out=v)
-    # (x + j y) (u - j v) / (u^2 + v^2), in arrays that are used again: fresh ones would take most of the time
-    np.multiply(u, u, out=r)
-    swap = x * v
-    x *= u
-    u *= y
-    y *= v
-    x += y
-    u -= swap
-    np.multiply(v, v, out=v)
-    r += v
-    np.divide(1.0, r, out=r)
-    x *= r
-    u *= r
-    if slosh.shape[1] == 1:
-        r *= slosh[0]
-        return x, u, r
-    most, one = swap, y
-    np.matmul(powers[:, : slosh.shape[1]], slosh[0], out=most)
-    for tank in slosh[1:]:
-        np.maximum(most, np.matmul(powers[:, : slosh.shape[1]], tank, out=one), out=most)
+def _evaluated(t: Array, one: Expansion, scratch: Array) -> tuple[Array, Array, Array]:
+    """Return x and y of -L = x + j y and the greatest |z_j/beta|^2 at values of t, each (T, F).
+
+    In arrays that are used again: fresh ones would take most of the time.
+    """
+    powers = t[:, None] ** np.arange(max(len(one.below), one.slosh.shape[1]))
+    x, y, most, r = scratch
+    loop, slosh = powers[:, : len(one.below)], powers[:, : one.slosh.shape[1]]
+    np.divide(1.0, np.matmul(loop, one.below, out=r), out=r)
+    np.matmul(slosh, one.slosh[0], out=most)
+    for tank in one.slosh[1:]:
+        np.maximum(most, np.matmul(slosh, tank, out=x), out=most)
     most *= r
-    return x, u, most
+    x, y = np.matmul(loop, one.x, out=x), np.matmul(loop, one.y, out=y)
+    x *= r
+    y *= r
+    return x, y, most
