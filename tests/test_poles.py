@@ -1,5 +1,7 @@
 """Closed-loop poles, exact with delay, against other eigenvalue routes and the argument principle."""
 
+from importlib.resources import files
+
 import control
 import numpy as np
 import pytest
@@ -7,8 +9,10 @@ import pytest
 import oracle
 from cases import paper_case, random_case
 from sloshpy.dynamics import closed_loop_poles, open_loop, open_loop_poles
-from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.growth import BRIEF_ORDER, SURE, greatest_growth, is_stable, surely_damped
 from sloshpy.dynamics.poles import closed_loop_eigenvalues, unstable_count
+from sloshpy.dynamics.states import system_matrix
+from sloshpy.files import read_case
 
 
 def near(values, wanted):
@@ -105,6 +109,49 @@ def test_stability_agrees_with_the_oracle_on_2000_random_cases():
         assert (growth < 0) == oracle.stable(c), (k, growth)
         unstable += growth > 0
     assert 400 < unstable < 1600  # both verdicts are well represented
+
+
+def test_no_matrix_with_a_lighter_eigenvalue_is_called_surely_damped():
+    """Eigenvalues are chosen, about the bound to a millionth and growing ones among them, and mixed by random bases."""
+    rng = np.random.default_rng(24)
+    light = called = 0
+    for _ in range(20):
+        pairs, count = int(rng.integers(6, 14)), 200
+        zeta = 10.0 ** rng.uniform(-2.5, 0.0, (count, pairs))
+        edge = rng.random(count) < 0.5
+        zeta[edge, 0] = SURE * (1.0 + rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-6.0, 1.0, count))[edge]
+        omega = 3.0 * 10.0 ** rng.uniform(-1.5, 1.5, (count, pairs))
+        own = np.zeros((count, 2 * pairs, 2 * pairs))
+        even = np.arange(0, 2 * pairs, 2)
+        own[:, even, even] = own[:, even + 1, even + 1] = -zeta * omega
+        own[:, even, even + 1] = omega * np.sqrt(1.0 - zeta**2)
+        own[:, even + 1, even] = -own[:, even, even + 1]
+        first, last = np.linalg.qr(rng.normal(size=(2, count, 2 * pairs, 2 * pairs)))[0]
+        skew = np.triu(rng.normal(size=own.shape), 1) * 10.0 ** rng.uniform(-1.0, 1.0, (count, 1, 1)) / pairs
+        basis = first @ (np.eye(2 * pairs) + skew) @ last
+        sure = surely_damped(basis @ own @ np.linalg.inv(basis), 3.0 * 10.0 ** rng.uniform(-0.5, 0.5, count))
+        assert not np.any(sure & (zeta.min(axis=-1) <= SURE))
+        light, called = light + np.sum(zeta.min(axis=-1) <= SURE), called + np.sum(sure)
+    assert light > 500
+    assert called > 1000
+
+
+def test_stability_along_damping_is_the_sign_of_the_greatest_growth():
+    """Ten vehicles like the launcher, closely about the damping at which each becomes unstable; few stay in doubt."""
+    case = read_case(str(files("sloshpy") / "data" / "flexible_launcher.toml"))
+    rng = np.random.default_rng(25)
+    tanks = tuple(t.model_copy(update={"frequency": t.frequency * rng.uniform(0.9, 1.1)}) for t in case.vehicle.tanks)
+    gain = case.autopilot.attitude_gain * rng.uniform(0.5, 1.5, (10, 1))
+    vehicle = case.vehicle.model_copy(update={"tanks": tanks})
+    case = case.model_copy(
+        update={"vehicle": vehicle, "autopilot": case.autopilot.model_copy(update={"attitude_gain": gain})}
+    )
+    loop = open_loop(case, np.geomspace(1e-5, 0.1, 60)[:, None] * np.ones(len(tanks)))
+    stable = is_stable(loop)
+    assert np.array_equal(stable, greatest_growth(loop) < 0.0)
+    assert 0.1 < np.mean(stable) < 0.9
+    A, _ = system_matrix(loop, delay=(1, BRIEF_ORDER))
+    assert np.mean(surely_damped(A, np.full(loop.batch, 3.0))) > 0.7 * np.mean(stable)
 
 
 def test_encirclement_count_agrees_with_eigenvalues_on_300_cases():
