@@ -89,18 +89,18 @@ class DegradationMap:
         cells = [f"{np.sum(self.reason == k)} {words}" for k, words in enumerate(REASONS) if np.any(self.reason == k)]
         worst = self.worst_inside
         unknown = int(np.sum(np.isnan(np.append(self.tvc[self.inside], self.ellipse_tvc))))
-        told = f"{1e3 * worst:.3f} mrad" if np.isfinite(worst) else "it diverges"
+        told = _angle(worst) if np.isfinite(worst) else "it diverges"
         if unknown:
             told = f"no number at {unknown} points in it or on its edge"
         lines = [
             f"Degradation map of {self.tank}: {self.tvc.size} cells, {self.gain_db[0]:g} to {self.gain_db[-1]:g} dB, "
             f"{1e3 * self.delay[0]:.4g} to {1e3 * self.delay[-1]:.4g} ms",
-            f"  greatest engine amplitude inside the disc margin: {told}, limit {1e3 * self.limit:.3f} mrad",
+            f"  greatest engine amplitude inside the disc margin: {told}, limit {_angle(self.limit)}",
         ]
         if self.worst > worst:
-            lines.append(f"  the five steps, which decide, take {1e3 * self.worst:.3f} mrad over the band")
+            lines.append(f"  the five steps, which decide, take {_angle(self.worst)} over the band")
         if np.isfinite(self.point[0]):
-            number = f"{1e3 * self.point_tvc:.3f} mrad" if np.isfinite(self.point_tvc) else "not supported"
+            number = _angle(self.point_tvc) if np.isfinite(self.point_tvc) else "not supported"
             lines.append(f"  the paper's point: {self.point[0]:.3f} dB, {1e3 * self.point[1]:.1f} ms, {number}")
         return "\n".join([*lines, *(f"  cells: {words}" for words in cells)])
 
@@ -183,3 +183,7 @@ def _at_point(case: Case, tank: int, predicted: LimitCycle) -> float:
     one = DegradedCycles(case, tank, np.array([predicted.gain]), np.array([predicted.delay]))
     one.fill()
     return float(one.tvc[0])
+
+
+def _angle(value: float) -> str:
+    return f"{1e3 * value:.3f} mrad ({np.degrees(value):.3f} deg)"

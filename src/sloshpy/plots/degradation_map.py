@@ -44,7 +44,7 @@ def plot_degradation_map(found: DegradationMap, ax: Axes | None = None) -> Axes:
     gain, delay = found.point
     if np.isfinite(gain):
         ax.plot(1e3 * delay, gain, "o", color=ALARM, markersize=9.0, zorder=6)
-        number = f"{1e3 * found.point_tvc:.2f} mrad" if np.isfinite(found.point_tvc) else "no number"
+        number = _angle(found.point_tvc) if np.isfinite(found.point_tvc) else "no number"
         words = f"paper's point: {gain:.2f} dB, {1e3 * delay:.0f} ms\n{number}"
         side = _towards_the_middle(ax, 1e3 * delay, gain)[0]
         ax.annotate(
@@ -109,7 +109,7 @@ def _contours(ax: Axes, found: DegradationMap, z: "np.ma.MaskedArray[tuple[int, 
         line = np.concatenate([path.vertices for path in bold.get_paths()])
         low, left = line[int(np.argmin(line[:, 1]))]  # where it reaches lowest: away from the corner it may stand in
         ax.annotate(
-            f"limit {limit:.3g} mrad",
+            f"limit {limit:.3g} mrad\n({np.degrees(limit / 1e3):.3g} deg)",
             (float(low), float(left)),
             (-6, -4),
             textcoords="offset points",
@@ -122,8 +122,12 @@ def _contours(ax: Axes, found: DegradationMap, z: "np.ma.MaskedArray[tuple[int, 
         )
     else:
         side = "below" if limit >= most else "above"
-        text = f"every cell with a number is {side} the limit of {limit:.3g} mrad"
+        text = f"every cell with a number is {side} the limit of {_angle(limit / 1e3)}"
         ax.annotate(text, (0.02, 0.03), xycoords="axes fraction", fontsize=SMALL, color=GREY)
+
+
+def _angle(value: float) -> str:
+    return f"{1e3 * value:.3g} mrad ({np.degrees(value):.3g} deg)"
 
 
 def _message(found: DegradationMap) -> str:
