@@ -184,15 +184,16 @@ def _marched(modal: Modal, coefficient: Array, exponent: Array, gusts: Array, h:
     from sloshpy.simulation.kernel import KEPT, LANES, march  # numba, 0.5 s: only where many runs are wanted
 
     size, n = coefficient.shape[0], coefficient.shape[1]
-    groups, signals = -(-size // LANES), n + 1
-    high, at, low = (np.zeros((groups, signals, KEPT, LANES)) for _ in range(3))
-    count = np.zeros((groups, signals, 2, LANES), dtype=np.int64)
-    largest, diverged = np.zeros((groups, signals, LANES)), np.full((groups, LANES), -1, dtype=np.int64)
+    lanes = min(size, LANES)
+    groups, signals = -(-size // lanes), n + 1
+    high, at, low = (np.zeros((groups, signals, KEPT, lanes)) for _ in range(3))
+    count = np.zeros((groups, signals, 2, lanes), dtype=np.int64)
+    largest, diverged = np.zeros((groups, signals, lanes)), np.full((groups, lanes), -1, dtype=np.int64)
     modes = [parted(x) for x in (modal.start, np.exp(h * modal.rate), modal.push)] + [paired(modal.rows)]
-    start, flow, push, rows = (x.reshape(*x.shape[:-2], -1) for x in (packed(part, LANES) for part in modes))
-    jump, force = packed(modal.jump, LANES), packed(coefficient, LANES)
+    start, flow, push, rows = (x.reshape(*x.shape[:-2], -1) for x in (packed(part, lanes) for part in modes))
+    jump, force = packed(modal.jump, lanes), packed(coefficient, lanes)
     results = high, at, low, count, largest, diverged
-    blows = packed(gusts, LANES)
+    blows = packed(gusts, lanes)
     march(start, flow, push, rows, jump, force, exponent, blows, h, steps, DIVERGED, *results)
     counts = unpacked(count, size).reshape(-1, 2).astype(int)
     rings = [unpacked(x, size).reshape(-1, KEPT) for x in (high, at, low)]

@@ -16,7 +16,7 @@ import numpy as np
 
 from sloshpy.units import Array
 
-LANES = 64  # trajectories of a group: its few loops are long, and some ten modes stay in the nearer caches
+LANES = 64  # most trajectories of a group: its few loops are long, and some ten modes stay in the nearer caches
 KEPT = 21  # last maxima and minima of each signal: what the envelope of the last twenty cycles asks for
 
 
@@ -52,11 +52,11 @@ def march(
     their times in s, minima; count (G, S, 2, L): how many maxima and minima; largest (G, S, L): greatest magnitude of
     each signal; diverged (G, L): step at which a signal went beyond `far`, else -1.
     """
-    n, kicked = coefficient.shape[1], push.shape[1]
-    pairs, kick, work = np.zeros((n + 1, 2 * LANES)), np.zeros((kicked, LANES)), np.zeros((n, LANES))
-    read = pairs.reshape(2 * n + 2, LANES)
-    value, slope = np.zeros((n + 1, LANES)), np.zeros((n + 1, LANES))
-    old, old_slope = np.zeros((n + 1, LANES)), np.zeros((n + 1, LANES))
+    n, kicked, lanes = coefficient.shape[1], push.shape[1], jump.shape[3]
+    pairs, kick, work = np.zeros((n + 1, 2 * lanes)), np.zeros((kicked, lanes)), np.zeros((n, lanes))
+    read = pairs.reshape(2 * n + 2, lanes)
+    value, slope = np.zeros((n + 1, lanes)), np.zeros((n + 1, lanes))
+    old, old_slope = np.zeros((n + 1, lanes)), np.zeros((n + 1, lanes))
     for g in range(start.shape[0]):
         state = start[g].copy()
         for k in range(steps + 1):
@@ -80,42 +80,44 @@ def _read(pairs: Array, rows: Array, state: Array) -> None:
 
     Few long loops over few arrays: the compiler asks before each whether the arrays overlap.
     """
+    lanes = pairs.shape[1] // 2
     for p in range(rows.shape[0]):
         out = pairs[p]
-        for i in range(2 * LANES):
+        for i in range(2 * lanes):
             out[i] = 0.0
         for q in range(state.shape[0]):
             c, x = rows[p, q], state[q]
-            for i in range(LANES):
-                a0, b0, a1, b1 = x[i], x[LANES + i], x[2 * LANES + i], x[3 * LANES + i]
-                a2, b2, a3, b3 = x[4 * LANES + i], x[5 * LANES + i], x[6 * LANES + i], x[7 * LANES + i]
-                first = c[i] * a0 + c[LANES + i] * b0 + (c[4 * LANES + i] * a1 + c[5 * LANES + i] * b1)
-                second = c[2 * LANES + i] * a0 + c[3 * LANES + i] * b0
-                second += c[6 * LANES + i] * a1 + c[7 * LANES + i] * b1
+            for i in range(lanes):
+                a0, b0, a1, b1 = x[i], x[lanes + i], x[2 * lanes + i], x[3 * lanes + i]
+                a2, b2, a3, b3 = x[4 * lanes + i], x[5 * lanes + i], x[6 * lanes + i], x[7 * lanes + i]
+                first = c[i] * a0 + c[lanes + i] * b0 + (c[4 * lanes + i] * a1 + c[5 * lanes + i] * b1)
+                second = c[2 * lanes + i] * a0 + c[3 * lanes + i] * b0
+                second += c[6 * lanes + i] * a1 + c[7 * lanes + i] * b1
                 third = (
-                    c[8 * LANES + i] * a2 + c[9 * LANES + i] * b2 + (c[12 * LANES + i] * a3 + c[13 * LANES + i] * b3)
+                    c[8 * lanes + i] * a2 + c[9 * lanes + i] * b2 + (c[12 * lanes + i] * a3 + c[13 * lanes + i] * b3)
                 )
-                fourth = c[10 * LANES + i] * a2 + c[11 * LANES + i] * b2
-                fourth += c[14 * LANES + i] * a3 + c[15 * LANES + i] * b3
+                fourth = c[10 * lanes + i] * a2 + c[11 * lanes + i] * b2
+                fourth += c[14 * lanes + i] * a3 + c[15 * lanes + i] * b3
                 out[i] += first + third
-                out[LANES + i] += second + fourth
+                out[lanes + i] += second + fourth
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _move(state: Array, push: Array, kick: Array, flow: Array) -> None:
     """Give the modes the kicks of all tanks and let them flow for a step."""
+    lanes = kick.shape[1]
     for j in range(kick.shape[0]):
         k = kick[j]
         for q in range(state.shape[0]):
             x, p = state[q], push[j, q]
             for part in range(8):
-                for i in range(LANES):
-                    x[part * LANES + i] += p[part * LANES + i] * k[i]
+                for i in range(lanes):
+                    x[part * lanes + i] += p[part * lanes + i] * k[i]
     for q in range(state.shape[0]):
         x, f = state[q], flow[q]
         for m in range(4):
-            re, im = 2 * m * LANES, (2 * m + 1) * LANES
-            for i in range(LANES):
+            re, im = 2 * m * lanes, (2 * m + 1) * lanes
+            for i in range(lanes):
                 a, b = x[re + i], x[im + i]
                 x[re + i] = f[re + i] * a - f[im + i] * b
                 x[im + i] = f[re + i] * b + f[im + i] * a
@@ -160,7 +162,7 @@ def _kicks(kick: Array, work: Array, read: Array, jump: Array, coefficient: Arra
 @numba.njit(cache=True, error_model="numpy")
 def _blow(kick: Array, gust: Array, time: float, h: float) -> None:
     """Put into `kick` (L,) what gusts (3, L), (1 - cos) / 2 of their peak, give in a step about a time in s."""
-    for lane in range(LANES):
+    for lane in range(len(kick)):
         part = (time - gust[1, lane]) / gust[2, lane]
         kick[lane] = 0.5 * h * gust[0, lane] * (1.0 - np.cos(2.0 * np.pi * part)) if 0.0 < part < 1.0 else 0.0
 
