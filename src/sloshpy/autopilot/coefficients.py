@@ -55,7 +55,9 @@ def mapped(autopilot: "Autopilot", change: Callable[[Array], Array]) -> "Autopil
 
 def _entries(one: "Filter | Actuator") -> list[Real]:
     found = [x for part in _PARTS for x in getattr(one, part) or ()]
-    return found + [x for name in ("frequency", "damping") if (x := getattr(one, name, None)) is not None]
+    fields = type(one).model_fields  # asking pydantic for an attribute that is not there takes long
+    named = [name for name in ("frequency", "damping") if name in fields]
+    return found + [x for name in named if (x := getattr(one, name)) is not None]
 
 
 def _changed(one: Any, change: Callable[[Array], Array]) -> Any:

@@ -8,6 +8,7 @@
 L(s) has the negative-feedback sign: the critical point is -1, that is 0 dB at -180 deg.
 """
 
+import functools
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,7 +41,7 @@ class Loop:
     autopilot: Autopilot
     damping: Array
 
-    @property
+    @functools.cached_property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch, () for one loop."""
         return np.broadcast_shapes(self.plant.mass.shape[:-2], self.damping.shape[:-1], *axes(self.autopilot))

@@ -319,6 +319,8 @@ def mode_shares(loop: Loop, index: IntArray, omega: Array) -> Array:
     Far below its own frequency a slosh mass follows the body and its damping tells nothing: it has no share there, or
     the static margin of a vehicle in the air would be charged to a tank.
     """
+    if len(index) == 0:
+        return np.zeros((0, loop.plant.mass.shape[-1] - loop.plant.first_tank + 1))
     one, s = loop.take(index), 1j * omega
     sensitivity = frequency_sensitivity(one, s)
     h = 1e-7  # relative; far inside any resonance of 1e-5 damping, and 1e-9 of rounding

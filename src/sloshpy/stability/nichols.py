@@ -97,7 +97,8 @@ def _divisible(curves: Curves) -> BoolArray:
 
 def _steps(loop: Loop, curves: Curves, k: IntArray) -> ComplexArray:
     """Return the change of ln L along the pieces k; the delay's part of the phase is known and never wraps."""
-    turn = np.asarray(loop.take(curves.index[k]).autopilot.dead_time) * (curves.omega[k + 1] - curves.omega[k])
+    delay = np.broadcast_to(loop.autopilot.dead_time, loop.batch).reshape(-1)[curves.index[k]]
+    turn = delay * (curves.omega[k + 1] - curves.omega[k])
     with np.errstate(divide="ignore", invalid="ignore"):  # between two curves; unused
         return np.asarray(np.log(curves.loop[k + 1] / curves.loop[k] * np.exp(1j * turn)) - 1j * turn)
 
