@@ -9,7 +9,7 @@ import oracle
 from cases import paper_case, random_case, real_case, xi
 from sloshpy.case import Criteria
 from sloshpy.dynamics import modal, open_loop
-from sloshpy.dynamics.modal import _plant_modes
+from sloshpy.dynamics.partial_fractions import _plant_modes
 from sloshpy.dynamics.response import unfed
 from sloshpy.stability.grid import grid_sweep
 from sloshpy.stability.nearest import nearest

@@ -7,7 +7,7 @@ import numpy as np
 from sloshpy.autopilot import forward_transfer
 from sloshpy.case import Criteria
 from sloshpy.dynamics.loop import Loop
-from sloshpy.dynamics.modal import references_on
+from sloshpy.dynamics.partial_fractions import references_on
 from sloshpy.dynamics.response import REFERENCE_DAMPING
 from sloshpy.stability.nichols import (
     Curves,
