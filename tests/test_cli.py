@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from sloshpy.cli import main
 from sloshpy.files import write_example
 
 
@@ -16,17 +15,6 @@ from sloshpy.files import write_example
 def case(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return write_example("upper_stage", tmp_path)
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*words):
-        with pytest.raises(SystemExit) as stopped:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return stopped.value.code, printed.out, printed.err
-
-    return call
 
 
 def changed(case: Path, old: str, new: str) -> Path:

@@ -7,7 +7,6 @@ import pytest
 
 import synthetic_decay
 from sloshpy.assess import assess
-from sloshpy.cli import main
 from sloshpy.damping import TableDamping
 from sloshpy.files import example_record_names, read_case, write_example
 
@@ -18,17 +17,6 @@ TOLD = ("--column", "wave", "--amplitude", "wave", "--wave-per-displacement", "1
 def record(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return write_example("subscale_decay", tmp_path)
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*words):
-        with pytest.raises(SystemExit) as stopped:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return stopped.value.code, printed.out, printed.err
-
-    return call
 
 
 def test_the_shipped_record_is_what_its_script_makes_and_says_that_it_is_synthetic(record):

@@ -4,7 +4,6 @@ import json
 
 import pytest
 
-from sloshpy.cli import main
 from sloshpy.files import read_tank, write_example
 from sloshpy.tank import slosh_masses
 
@@ -13,17 +12,6 @@ from sloshpy.tank import slosh_masses
 def tank(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return write_example("lox_tank", tmp_path)
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*words):
-        with pytest.raises(SystemExit) as stopped:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return stopped.value.code, printed.out, printed.err
-
-    return call
 
 
 def test_tank_prints_its_slosh_masses_and_draws_its_section(run, tank):

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 import oracle
 import oracle_flexible as second
 from cases import real_case, xi
+from held import hold_history, hold_zeros
 from sloshpy.autopilot import Filter
 from sloshpy.cli import main
 from sloshpy.damping import ConstantDamping, PowerDamping, SumDamping, TableDamping
@@ -16,9 +17,7 @@ from sloshpy.dynamics import frequency_response, open_loop, plant, without_drift
 from sloshpy.dynamics.growth import greatest_growth, is_stable
 from sloshpy.dynamics.poles import closed_loop_eigenvalues, unstable_count
 from sloshpy.files import read_case, write_case
-from sloshpy.simulation import simulate
 from sloshpy.stability import margins
-from sloshpy.stability.nichols import loop_zeros
 from sloshpy.vehicle import Aerodynamics, Engine, FlexibleMode, ModeShape, ModeSlope, SloshMass, Vehicle
 
 # The case file that the format's description prints
@@ -302,12 +301,7 @@ def test_the_static_gain_margin_of_an_unstable_airframe_counts():
 
 def test_the_zeros_of_the_loop_are_the_oracles_with_heavy_engines_too():
     for engine in (False, True):
-        for case, damping in fleet(91, 20, engine=engine, delay=False):
-            zeros = loop_zeros(open_loop(case, damping=damping))
-            p = second.second_order(case.vehicle, damping)
-            beside = np.abs(second.solved(p, case.autopilot, zeros * 1.01 + 1e-3)[0])
-            # 1e-4: a zero is an eigenvalue, its residual that of rounding times the slope of L there
-            assert np.all(np.abs(second.solved(p, case.autopilot, zeros)[0]) < 1e-4 * beside)
+        hold_zeros(fleet(91, 20, engine=engine, delay=False))
 
 
 # ---------------------------------------------------------------- time domain
@@ -321,20 +315,7 @@ def test_time_histories_of_three_flexible_vehicles_agree_with_dop853():
         # an unstable loop makes both routes grow their errors with the motion
         if second.poles(p, case.autopilot).real.max() > 0.1:
             continue
-        laws = [PowerDamping(slope=0.2 + 0.1 * j, exponent=1.0) for j in range(1 + done)]
-        w = np.array([t.frequency for t in case.vehicle.tanks])
-        v = case.vehicle
-        tanks = tuple(t.model_copy(update={"damping": law}) for t, law in zip(v.tanks, laws, strict=True))
-        case = case.model_copy(update={"vehicle": v.model_copy(update={"tanks": tanks})})
-        z0 = rng.uniform(0.1, 0.3, 1 + done)
-        fastest = np.abs(second.poles(p, case.autopilot)).max()
-        # 0.03 of the fastest radian: fourth-order Runge-Kutta then loses 2e-7 of it in each
-        run = simulate(case, duration=15 / w[0], initial_slosh=z0, step=0.03 / fastest)
-        # xi = k A is the force acc = -(3 pi k / 4) |v| v
-        forces = [lambda x, b=3 * np.pi * law.slope / 4: -b * x * abs(x) for law in laws]
-        z, beta, phi = second.history(case.vehicle, case.autopilot, forces, z0, run.time)
-        for ours, theirs in ((run.slosh, z), (run.tvc, beta), (run.attitude, phi)):
-            assert np.abs(ours - theirs).max() < 1e-5 * np.abs(theirs).max()
+        hold_history(rng, case, damping, duration=15)
         done += 1
 
 

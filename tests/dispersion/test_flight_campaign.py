@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from uncertain import factor, stage
+from uncertain import factor, short_flight, stage
 
 from cases import paper_case
 from sloshpy.cli import main
@@ -13,7 +13,7 @@ from sloshpy.damping import PowerDamping
 from sloshpy.dispersion import Linear, Moment, against_time, campaign_dataset, findings, run_campaign
 from sloshpy.dispersion.rows import Status
 from sloshpy.errors import InputError
-from sloshpy.files import read_dispersion, write_example
+from sloshpy.files import read_dispersion
 from sloshpy.report import write_campaign_figures
 from sloshpy.vehicle import SloshMass
 
@@ -105,43 +105,9 @@ def test_figures_and_tables_over_time_are_written(tmp_path):
     assert np.array_equal(table["disc_margin 50 % of the flights drawn [1]"], half)
 
 
-FLIGHT = """name = "short"
-[[table]]
-name = "all"
-file = "all.csv"
-interpolation = "linear"
-time = "t"
-[table.columns]
-"vehicle.mass" = "m"
-[[phase]]
-name = "coast"
-case = "stage.toml"
-start = "0 s"
-end = "20 s"
-step = "10 s"
-tables = ["all"]
-"""
-DISPERSED = """name = "short flight"
-flight = "short.toml"
-[linear]
-amplitude = "0.5 m"
-required_damping = false
-[[vary]]
-input = "vehicle.mass"
-distribution = "uniform"
-low = 0.98
-high = 1.02
-"""
-
-
 @pytest.fixture
 def files(tmp_path):
-    write_example("upper_stage", tmp_path).rename(tmp_path / "stage.toml")
-    (tmp_path / "short.toml").write_text(FLIGHT)
-    (tmp_path / "all.csv").write_text("t [s],m [kg]\n0,16000\n20,15200\n")
-    file = tmp_path / "dispersed.toml"
-    file.write_text(DISPERSED)
-    return file
+    return short_flight(tmp_path, '[linear]\namplitude = "0.5 m"\nrequired_damping = false\n')
 
 
 def test_a_file_that_names_a_flight_assesses_every_time(files, capsys):

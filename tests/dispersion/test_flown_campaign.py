@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from uncertain import factor, stage
+from uncertain import factor, short_flight, stage
 
 from cases import paper_case
 from flying import AIR, LIMITED, SECOND, SOFT, WIDE, burn
@@ -298,42 +298,9 @@ def test_what_cannot_be_flown_is_refused():
     run_campaign(replace(d, analysis=Linear(required=False), parameters=USUAL[:2], phases=()), 2, 1)  # as before
 
 
-FLIGHT = """name = "short"
-[[table]]
-name = "all"
-file = "all.csv"
-interpolation = "linear"
-time = "t"
-[table.columns]
-"vehicle.mass" = "m"
-[[phase]]
-name = "coast"
-case = "stage.toml"
-start = "0 s"
-end = "20 s"
-step = "10 s"
-tables = ["all"]
-"""
-DISPERSED = """name = "short flight"
-flight = "short.toml"
-[nonlinear]
-initial_slosh = "0.1 m"
-[[vary]]
-input = "vehicle.mass"
-distribution = "uniform"
-low = 0.98
-high = 1.02
-"""
-
-
 @pytest.fixture
 def files(tmp_path):
-    write_example("upper_stage", tmp_path).rename(tmp_path / "stage.toml")
-    (tmp_path / "short.toml").write_text(FLIGHT)
-    (tmp_path / "all.csv").write_text("t [s],m [kg]\n0,16000\n20,15200\n")
-    file = tmp_path / "dispersed.toml"
-    file.write_text(DISPERSED)
-    return file
+    return short_flight(tmp_path, '[nonlinear]\ninitial_slosh = "0.1 m"\n')
 
 
 def test_a_file_flies_from_the_command_line(files, capsys):

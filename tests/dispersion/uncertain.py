@@ -9,6 +9,7 @@ import numpy as np
 from cases import paper_case
 from sloshpy.dispersion import Dispersion, Linear, Nonlinear, Parameter, TruncatedNormal, Uniform
 from sloshpy.dispersion.rows import Rows
+from sloshpy.files import write_example
 
 
 def factor(name, spread, **more):
@@ -76,3 +77,39 @@ def lying(first, count):
     if first <= 7 < first + count:
         rows.values[7 - first, 0] = np.nan
     return rows
+
+
+FLIGHT = """name = "short"
+[[table]]
+name = "all"
+file = "all.csv"
+interpolation = "linear"
+time = "t"
+[table.columns]
+"vehicle.mass" = "m"
+[[phase]]
+name = "coast"
+case = "stage.toml"
+start = "0 s"
+end = "20 s"
+step = "10 s"
+tables = ["all"]
+"""
+DISPERSED = """name = "short flight"
+flight = "short.toml"
+{analysis}[[vary]]
+input = "vehicle.mass"
+distribution = "uniform"
+low = 0.98
+high = 1.02
+"""
+
+
+def short_flight(folder, analysis):
+    """Write a flight of 20 s and its dispersion by an analysis, a table in the file's own words; return its file."""
+    write_example("upper_stage", folder).rename(folder / "stage.toml")
+    (folder / "short.toml").write_text(FLIGHT)
+    (folder / "all.csv").write_text("t [s],m [kg]\n0,16000\n20,15200\n")
+    file = folder / "dispersed.toml"
+    file.write_text(DISPERSED.format(analysis=analysis))
+    return file
