@@ -6,9 +6,13 @@ import pytest
 import oracle
 from cases import paper_case, xi
 from sloshpy.assess import assess
+from sloshpy.autopilot import Actuator
+from sloshpy.case import Criteria
 from sloshpy.damping import PowerDamping, TableDamping
 from sloshpy.dynamics.loop import open_loop
-from sloshpy.limit_cycle import predict_limit_cycle
+from sloshpy.errors import OutsideValidity
+from sloshpy.limit_cycle import limit_cycles, predict_limit_cycle
+from sloshpy.limit_cycle.cycles import one_sinusoid_cycles
 from sloshpy.simulation import simulate
 from sloshpy.stability import (
     damping_sweep,
@@ -229,3 +233,25 @@ def test_a_small_tank_beside_a_large_one_is_held_to_its_own_radius(law):
     assert review.verdict == "invalid"
     share = 100.0 * cycle.slosh_amplitude["small"] / 0.5
     assert any("small" in r and f"{share:.0f} % of the tank radius" in r for r in review.reasons)
+
+
+def test_where_two_laws_dip_together_a_motion_of_two_frequencies_is_not_passed_over():
+    """Every mode decays at small amplitude and each cycle of one sinusoid is small; the simulation ends above them."""
+    law = TableDamping(
+        amplitude=np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8]),
+        ratio=np.array([0.04, 0.035, 0.02, 0.015, 0.02, 0.05, 0.08]),
+    )
+    other = TableDamping(amplitude=np.array([0.0, 0.1, 0.2, 0.6]), ratio=np.array([0.05, 0.01, 0.005, 0.06]))
+    beside = SloshMass(name="F", slosh_mass=500.0, station=8.0, frequency=2.3, damping=other)
+    actuator = Actuator(frequency=12.0 * np.pi, damping=0.7)
+    limit = Criteria(tvc_amplitude=np.radians(0.3))
+    case = paper_case(law, more=(beside,), delay=0.03, actuator=actuator, criteria=limit)
+    review = assess(case)
+    assert review.verdict == "invalid"
+    assert any("2 modes grow at once where the damping of LOX, F dips" in reason for reason in review.reasons)
+    degraded = case.model_copy(update={"autopilot": case.autopilot.degraded(10 ** (3.032 / 20.0), 0.2139)})
+    run = simulate(degraded, duration=400.0, initial_slosh=(0.06, 0.03))
+    assert np.max(np.abs(run.tvc[run.time > 300.0])) > 6.5e-3
+    with pytest.raises(OutsideValidity, match="several frequencies"):
+        limit_cycles(degraded)
+    assert max(cycle.tvc_amplitude for cycle in one_sinusoid_cycles(degraded)) < 5.3e-3  # what would have been said

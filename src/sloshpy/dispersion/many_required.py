@@ -15,11 +15,11 @@ from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.dynamics.response import REFERENCE_DAMPING, at_reference, of_one_damping
 from sloshpy.stability import loop_margins, loop_required_damping, nichols_disc_margin
-from sloshpy.stability.required_damping import PROOF
+from sloshpy.stability.required_damping import MOST_RATIO, PROOF
 from sloshpy.stability.touching import touching_level, with_ratio
 from sloshpy.units import Array, BoolArray, IntArray
 
-LEVELS = np.geomspace(4e-3, 1.0, 16)  # damping ratios of the grid
+LEVELS = np.geomspace(4e-3, MOST_RATIO, 13)  # damping ratios of the grid
 SPAN = np.geomspace(0.3, 3.0, 128)  # frequencies of the grid over the tank's own; a resonance of 1 % is seen
 LEAST = 1e-2  # a requirement below this is left to the search: its resonance is narrower than the grid
 STRAY = 1.0  # levels beyond its own two in which a requirement is taken: the grid misses the least distance a little

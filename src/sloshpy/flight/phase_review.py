@@ -81,7 +81,7 @@ class PhaseReview:
 
     @property
     def required_damping(self) -> Array:
-        """Damping each tank needs, (T, n_tanks); nan where none up to critical suffices."""
+        """Damping each tank needs, (T, n_tanks); nan where none up to 0.3 suffices."""
         return np.stack([one.required for one in self.required], axis=-1)
 
     @property

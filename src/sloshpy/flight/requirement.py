@@ -17,7 +17,7 @@ class DampingRequirement:
     """Damping required of one tank, one row for each time, (R,).
 
     time: s. fill: part of the volume, nan where unknown. required, neutral: least ratios for the disc margin and for
-    stability alone; nan where none up to critical suffices. available: at `amplitude`, m of the slosh mass, or at small
+    stability alone; nan where none up to 0.3 suffices. available: at `amplitude`, m of the slosh mass, or at small
     amplitude where that is nan. held: how much the other tanks are damped, in words. omega: of the least disc margin at
     the required damping, rad/s. frequency, radius, acceleration: of the slosh mass and its tank, rad/s, m, m/s^2.
     """
@@ -134,7 +134,7 @@ def _assumptions(result: FlightAssessment, tank: str) -> tuple[str, ...]:
     phases = [phase for phase in result.trajectory if tank in phase.tanks]
     notes = dict.fromkeys(f"{phase.name}: {note}" for phase in phases for note in phase.notes)
     return (
-        "required: least ratio above which, for every larger one up to critical, the loop is stable and every disc "
+        "required: least ratio above which, for every larger one up to 0.3, the loop is stable and every disc "
         "margin related to this tank meets the criterion; where another tank is short by more than 1 % of it there, "
         "also what that tank asks of this one; nan where there is none",
         "the other tanks are held at the damping in the last column: where all tanks together meet the criterion, each "

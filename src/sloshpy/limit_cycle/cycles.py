@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 Stiffness = Callable[[complex], tuple[ComplexArray, ComplexArray]]
 DEAD_BAND_GAINS = (1e-9, *np.geomspace(1e-3, 1.0, 13)[:-1])  # parts of the loop gain that a dead band may leave
+DIPS = 2000  # amplitudes at which a law is read for the least it gives
 PHASE = 1e-7  # of the frequency: a root nearer to zero is the cycle's phase
 
 
@@ -90,8 +91,8 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     """Return every limit cycle of the loop as given on the branches from small amplitude, all tanks coupled.
 
     Raises:
-        OutsideValidity: two modes grow at small amplitude, or one that is no slosh grows within the engine's dead band:
-            no sinusoid describes that.
+        OutsideValidity: two modes grow at small amplitude or where damping laws dip, or one that is no slosh grows
+            within the engine's dead band: no sinusoid describes that.
         NoAttractor: slosh grows and no cycle that attracts is found within the damping data.
     """
     single(case, "limit_cycles")
@@ -101,12 +102,10 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
     if not (dead or varies):
         return ()
     loop = open_loop(case)
-    poles = closed_loop_poles(loop)
-    growing = [
-        kind for p, kind in zip(poles.value, poles.kind, strict=True) if p.real > NEUTRAL * abs(p) and p.imag > 0.0
-    ]
+    growing = _growing(loop)
     if len(growing) > 1:
         raise OutsideValidity(f"{len(growing)} modes grow at once: one sinusoid predicts no limit cycle; simulate it")
+    _check_dips(case, loop)
     if dead:
         _check_dead_band(loop)
     found = _limited(case) if actuator is not None and actuator.limited else one_sinusoid_cycles(case)
@@ -116,6 +115,33 @@ def limit_cycles(case: Case) -> tuple[Cycle, ...]:
             "reach; simulate it"
         )
     return found
+
+
+def _growing(loop: Loop) -> list[str]:
+    """Return of what kind the oscillating modes are that grow."""
+    poles = closed_loop_poles(loop)
+    return [kind for p, kind in zip(poles.value, poles.kind, strict=True) if p.real > NEUTRAL * abs(p) and p.imag > 0.0]
+
+
+def _check_dips(case: Case, loop: Loop) -> None:
+    """Raise where several modes grow with each tank at the least damping of its law, which dips below the start.
+
+    A motion of several frequencies may attract there, beside rest and beside every single sinusoid.
+    """
+    laws = [tank.damping for tank in case.vehicle.tanks]
+    ranges = [amplitude_range(law) for law in laws]
+    least = np.array(
+        [np.min(law.ratio(np.clip(np.geomspace(*r, DIPS), *r))) for law, r in zip(laws, ranges, strict=True)]
+    )
+    dips = [t.name for t, a, b in zip(case.vehicle.tanks, least, loop.damping, strict=True) if a < b * (1.0 - 1e-9)]
+    if not dips:
+        return
+    count = len(_growing(replace(loop, damping=np.minimum(least, loop.damping))))
+    if count > 1:
+        raise OutsideValidity(
+            f"{count} modes grow at once where the damping of {', '.join(dips)} dips: a motion of several frequencies "
+            "may attract beside what one sinusoid predicts; simulate it from several amplitudes"
+        )
 
 
 def _check_dead_band(loop: Loop) -> None:

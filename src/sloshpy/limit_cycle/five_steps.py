@@ -12,7 +12,7 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
 from sloshpy.damping.validity import words_on_radius
-from sloshpy.dynamics.growth import greatest_growth
+from sloshpy.dynamics.growth import greatest_growth, is_stable
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.dynamics.response import transfer
@@ -22,7 +22,7 @@ from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
 from sloshpy.limit_cycle.limit_cycle import LimitCycle
 from sloshpy.stability.joint_damping import falls_short, joint_damping, joint_required_damping
 from sloshpy.stability.margins import Margins, loop_margins
-from sloshpy.stability.required_damping import RequiredDamping
+from sloshpy.stability.required_damping import LEVELS, MOST_RATIO, RequiredDamping, damping_levels
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 
@@ -220,15 +220,18 @@ def _why_no_band(required: RequiredDamping, criteria: Criteria) -> str:
 
 def _why_none(case: Case, loop: Loop, tank: int) -> str:
     """Return what keeps the loop from its disc margin however much a tank is damped."""
-    own = np.arange(len(case.vehicle.tanks)) == tank
-    poles = closed_loop_poles(replace(loop, damping=np.where(own, 1.0, loop.damping)))
+    levels = np.append(damping_levels(LEVELS), loop.damping[tank])
+    family = with_ratio(loop, np.zeros(len(levels), dtype=int), tank, levels)
+    stable = levels[is_stable(family)]
+    most = f"{100.0 * MOST_RATIO:g} %"
+    poles = closed_loop_poles(with_ratio(loop, np.asarray(0), tank, np.asarray(MOST_RATIO)))
     unstable = [name for name, p in zip(poles.name, poles.value, strict=True) if not p.real < 0.0]
-    least = replace(loop, damping=np.where(own, 0.0, loop.damping))
-    if unstable and float(greatest_growth(least)) <= 0.0:
-        return f"the loop is stable with little damping of this tank, and much makes {', '.join(unstable)} unstable"
-    if unstable:
-        return f"no damping of this tank makes the loop stable: {', '.join(unstable)} stays unstable"
-    return f"no damping of this tank up to critical gives it a disc margin of {case.criteria.disc_margin:g}"
+    if not unstable:
+        return f"no damping of this tank up to {most} gives it a disc margin of {case.criteria.disc_margin:g}"
+    grows = f"{', '.join(unstable)} {'are' if len(unstable) > 1 else 'is'} unstable"
+    if len(stable):
+        return f"the loop is stable with {100.0 * np.max(stable):.3g} % damping of this tank, but with {most} {grows}"
+    return f"no damping of this tank makes the loop stable: with {most} {grows}"
 
 
 def _unsupported(case: Case, tank: int, xi: float, amplitude: float, omega: float, tvc: float) -> list[str]:

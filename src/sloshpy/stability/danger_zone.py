@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_LEAD = np.radians(10.0)  # below this lead the zone shrinks to nothing and then inverts
-MAP_LEVELS = 25  # damping values scanned at each station, in steps of 1.6
+MAP_LEVELS = 23  # damping values scanned at each station, in steps of 1.4
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,7 +44,7 @@ def joint_damping(case: Case) -> Array:
     reaches = [_reach(law) for law in laws]
     most = max([reach for reach in reaches if np.isfinite(reach)], default=0.0)
     axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
-    grid = damping_levels(LEVELS)
+    share = damping_levels(LEVELS) / MOST_RATIO
 
     def at_amplitude(amplitude: Array) -> Array:
         columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
@@ -61,7 +61,7 @@ def joint_damping(case: Case) -> Array:
         return float(supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
 
     if most > 0.0:
-        amplitude = least_of(at_amplitude, grid * most)
+        amplitude = least_of(at_amplitude, share * most)
         if not np.isnan(amplitude):
             return at_amplitude(np.asarray(amplitude))
     given = at_amplitude(np.asarray(most))
@@ -69,12 +69,12 @@ def joint_damping(case: Case) -> Array:
     def at_least(ratio: Array) -> Array:
         return np.maximum(given, np.asarray(ratio)[..., None])
 
-    ratio = least_of(at_least, grid * MOST_RATIO)
+    ratio = least_of(at_least, share * MOST_RATIO)
     return given if np.isnan(ratio) else at_least(np.asarray(ratio))
 
 
 def _reach(law: DampingLaw) -> float:
-    """Return the amplitude in m at which a law's data end or it becomes critical; not finite for a constant."""
+    """Return the amplitude in m at which a law's data end or it is slosh no more; not finite for a constant."""
     return float(law.amplitude(MOST_RATIO)) if np.isinf(law.largest_amplitude) else law.largest_amplitude
 
 

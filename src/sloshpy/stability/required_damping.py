@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sloshpy.case import Case, Criteria
+from sloshpy.damping.laws import MOST_DAMPING
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
@@ -19,8 +20,8 @@ from sloshpy.units import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_RATIO = 1.0  # critical slosh damping: the search ends here
-LEVELS = 41  # damping values scanned: 0, then up to 1 in steps of a quarter, below a thousandth of three quarters
+MOST_RATIO = MOST_DAMPING  # beyond it nothing is slosh: the search ends here
+LEVELS = 38  # damping values scanned: 0, then in steps of a quarter, below a thousandth of three quarters
 SMALL = 2  # coordinates of a plant whose response is a formula
 BLOCK = 19  # of them at a time, from above
 NARROW = 0.1  # of a resonance's relative width, which is about the damping: where a minimum is sought once more
@@ -31,8 +32,8 @@ PROOF = 1e-7  # relative: how far on both sides of a damping the verdict is aske
 class RequiredDamping:
     """Least damping ratios of one tank above which the loop is good; shape of the batch.
 
-    neutral: for every larger damping the loop is stable. required: and the tank's slosh-related disc margin reaches
-    `disc_margin`. 0 where none is needed, nan where none up to critical damping suffices.
+    neutral: for every larger damping up to 0.3, beyond which nothing is slosh, the loop is stable. required: and the
+    tank's slosh-related disc margin reaches `disc_margin`. 0 where none is needed, nan where 0.3 does not suffice.
     omega: frequency of the least slosh-related disc margin at the required damping, rad/s.
     source: the loop, whose own damping of this tank plays no part.
     shared_with: of one loop, tanks whose minima count too, see `joint_required_damping`. own: then what the tank's own
@@ -59,11 +60,12 @@ class RequiredDamping:
             return f"Required damping of {self.tank}: {np.size(self.required)} loops"
         if np.isnan(self.required):
             stable = (
-                "no damping makes it stable"
+                f"unstable at {100.0 * MOST_RATIO:g} % damping"
                 if np.isnan(self.neutral)
                 else f"stable from {100.0 * self.neutral:.4f} % on"
             )
-            return f"{self.tank}: {stable}; none up to critical gives a disc margin of {self.disc_margin:g}"
+            most = f"{100.0 * MOST_RATIO:g} %"
+            return f"{self.tank}: {stable}; none up to {most} gives a disc margin of {self.disc_margin:g}"
         if self.required == 0.0:
             return f"{self.tank}: needs no slosh damping for a disc margin of {self.disc_margin:g}"
         hertz = float(self.omega) / 2.0 / np.pi
@@ -161,8 +163,8 @@ def loop_required_damping(
 
 
 def damping_levels(count: int) -> Array:
-    """Return so many damping ratios from 0 to 1 that are scanned, a fifth of them below a thousandth."""
-    few = count // 5
+    """Return so many damping ratios from 0 to `MOST_RATIO` that are scanned, a fifth of them below a thousandth."""
+    few = (count + 2) // 5
     low, high = np.geomspace(1e-5, 1e-3, few + 1)[:-1], np.geomspace(1e-3, MOST_RATIO, count - 1 - few)
     return np.concatenate([[0.0], low, high])
 

@@ -24,7 +24,7 @@ class RequiredScale:
     """The least scale of every tank's damping above which the loop meets its disc margin; 1 is the damping given.
 
     scale, neutral: for the disc margin of every tank, and for stability alone; 0 where none is needed, nan where none
-    suffices before a tank is critically damped. damping: (n_tanks,), ratios at the scale. source: the loop as given.
+    suffices before a tank is damped by 0.3. damping: (n_tanks,), ratios at the scale. source: the loop as given.
     """
 
     scale: float
