@@ -50,8 +50,11 @@ def judge(
         if one.stable and one.tvc_amplitude > case.criteria.tvc_amplitude:
             limit = np.degrees(case.criteria.tvc_amplitude)
             all_.failed.append(f"the loop as given has a {one}, more than {limit:.3g} deg")
+        elif one.stable:
+            all_.told.append(f"the loop as given runs into a {one}")
         else:
-            all_.told.append(f"the loop as given {'runs into a' if one.stable else 'grows away from an'} {one}")
+            leaves = "grows away from an" if one.tank else "holds the vehicle only within an"
+            all_.told.append(f"the loop as given {leaves} {one}")
     if unsupported:
         all_.invalid.append(unsupported)
     verdict = "invalid" if all_.invalid and not all_.failed else "fail" if all_.failed else "pass"

@@ -1,6 +1,7 @@
 """The limit cycles of slosh and engine: five steps (sec C.2-C.3, figs 7-8), growth curve, exact orbit, map."""
 
-from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
+from sloshpy.limit_cycle.cycle import Cycle
+from sloshpy.limit_cycle.cycles import limit_cycles, slosh_cycles
 from sloshpy.limit_cycle.degradation_map import DegradationMap, degradation_map
 from sloshpy.limit_cycle.five_steps import predict_limit_cycle
 from sloshpy.limit_cycle.growth import GrowthCurve, growth_curve, liveliest_tank
@@ -21,5 +22,6 @@ __all__ = [
     "liveliest_tank",
     "periodic_orbit",
     "predict_limit_cycle",
+    "slosh_cycles",
     "two_axis_cycles",
 ]

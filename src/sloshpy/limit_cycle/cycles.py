@@ -10,8 +10,7 @@ the roots of a 2n x 2n determinant in the exact S(s); one of them is 0, the phas
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,18 +18,16 @@ from sloshpy.autopilot import forward_transfer
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.damping import ratios
-from sloshpy.damping.validity import words_on_radius
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import slosh_damping
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues, closed_loop_poles
 from sloshpy.errors import NoAttractor, OutsideValidity
 from sloshpy.limit_cycle.branch import RELATIVE, Follower, Mode, slosh_stiffness
+from sloshpy.limit_cycle.cycle import Cycle
+from sloshpy.limit_cycle.engine_cycles import engine_cycles
 from sloshpy.limit_cycle.engine_limits import POINTS, LimitedMode, actuator_factor, limited_mode, limited_modes
 from sloshpy.limit_cycle.growth import amplitude_range, follow
 from sloshpy.units import Array, ComplexArray
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Stiffness = Callable[[complex], tuple[ComplexArray, ComplexArray]]
 DEAD_BAND_GAINS = (1e-9, *np.geomspace(1e-3, 1.0, 13)[:-1])  # parts of the loop gain that a dead band may leave
@@ -38,57 +35,18 @@ DIPS = 2000  # amplitudes at which a law is read for the least it gives
 PHASE = 1e-7  # of the frequency: a root nearer to zero is the cycle's phase
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cycle:
-    """A limit cycle of the loop as given: frequency in rad/s, amplitudes in m and rad.
-
-    disturbance: greatest growth rate of a small disturbance of the cycle, 1/s; it attracts where that is negative.
-    """
-
-    tank: str
-    omega: float
-    slosh_amplitude: dict[str, float]
-    tvc_amplitude: float
-    disturbance: float
-
-    @property
-    def stable(self) -> bool:
-        """Whether the cycle attracts: every small disturbance of it, in whatever mode, dies out."""
-        return self.disturbance < 0.0
-
-    def on_radius(self, case: Case) -> dict[str, tuple[str, bool]]:
-        """Return what to say of each tank that sloshes far in its radius, and whether no model holds there."""
-        told = {
-            t.name: words_on_radius(self.slosh_amplitude[t.name], float(t.radius))
-            for t in case.vehicle.tanks
-            if t.radius
-        }
-        return {name: one for name, one in told.items() if one[0]}
-
-    def to_dataset(self) -> "xr.Dataset":
-        """Return the cycle as an xarray Dataset over the tanks."""
-        import xarray as xr  # 1 s: only when a dataset is wanted
-
-        return xr.Dataset(
-            {
-                "slosh": ("tank", list(self.slosh_amplitude.values()), {"units": "m"}),
-                "omega": ((), self.omega, {"units": "rad/s"}),
-                "tvc": ((), self.tvc_amplitude, {"units": "rad"}),
-                "disturbance": ((), self.disturbance, {"units": "1/s"}),
-            },
-            coords={"tank": list(self.slosh_amplitude)},
-            attrs={"stable": int(self.stable)},
-        )
-
-    def __str__(self) -> str:
-        slosh = ", ".join(f"{name} {a:.4f} m" for name, a in self.slosh_amplitude.items())
-        kind = "stable" if self.stable else "unstable"
-        engine = f"engine {1e3 * self.tvc_amplitude:.3f} mrad"
-        return f"{kind} limit cycle at {self.omega / 2 / np.pi:.4f} Hz: {slosh}, {engine}"
-
-
 def limit_cycles(case: Case) -> tuple[Cycle, ...]:
-    """Return every limit cycle of the loop as given on the branches from small amplitude, all tanks coupled.
+    """Return the limit cycles of the loop as given: those of slosh, and those of an engine at its limits.
+
+    Raises:
+        OutsideValidity, NoAttractor: see `slosh_cycles`.
+    """
+    found = slosh_cycles(case)
+    return found + tuple(one for one in engine_cycles(case) if not any(_near(one, other) for other in found))
+
+
+def slosh_cycles(case: Case) -> tuple[Cycle, ...]:
+    """Return every limit cycle on the branches of slosh from small amplitude, all tanks coupled.
 
     Raises:
         OutsideValidity: two modes grow at small amplitude or where damping laws dip, or one that is no slosh grows
@@ -332,6 +290,13 @@ def _root(stiffness: Stiffness, W: float, direct: Array, across: ComplexArray, m
 def _varies(case: Case, tank: int) -> bool:
     law = case.vehicle.tanks[tank].damping
     return not np.isinf(law.amplitude(0.3)) and float(law.amplitude(0.3)) != 0.0
+
+
+def _near(one: Cycle, other: Cycle) -> bool:
+    """Whether two ways to one cycle, of which one sees the engine's greatest angle by the other's, ended in it."""
+    return abs(one.omega - other.omega) < 1e-4 * one.omega and abs(one.tvc_amplitude - other.tvc_amplitude) < (
+        1e-2 * one.tvc_amplitude
+    )
 
 
 def _same(one: Cycle, other: Cycle) -> bool:

@@ -9,7 +9,8 @@ from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL, closed_loop_eigenvalues
 from sloshpy.errors import NoAttractor, OutsideValidity
-from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
+from sloshpy.limit_cycle.cycle import Cycle
+from sloshpy.limit_cycle.cycles import slosh_cycles
 from sloshpy.limit_cycle.neutral import neutral_cycles
 from sloshpy.units import Array, BoolArray, IntArray
 
@@ -92,7 +93,7 @@ class DegradedCycles:
         """Look for every cycle of one cell by the growth curve and follow each over the grid."""
         pilot = self._case.autopilot.degraded(float(self._gain[cell]), float(self._delay[cell]))
         try:
-            found = limit_cycles(self._case.model_copy(update={"autopilot": pilot}))
+            found = slosh_cycles(self._case.model_copy(update={"autopilot": pilot}))
         except NoAttractor:
             return
         except OutsideValidity:

@@ -18,7 +18,8 @@ from sloshpy.dynamics.poles import closed_loop_poles
 from sloshpy.dynamics.response import transfer
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.band import engine_per_slosh, inner_peak, slosh_band
-from sloshpy.limit_cycle.cycles import Cycle, limit_cycles
+from sloshpy.limit_cycle.cycle import Cycle
+from sloshpy.limit_cycle.cycles import slosh_cycles
 from sloshpy.limit_cycle.limit_cycle import LimitCycle
 from sloshpy.stability.joint_damping import falls_short, joint_damping, joint_required_damping
 from sloshpy.stability.margins import Margins, loop_margins
@@ -199,7 +200,7 @@ def _coupled(degraded: Case) -> tuple[tuple[Cycle, ...], str]:
     if len(degraded.vehicle.tanks) < 2:
         return (), ""  # one tank: the five steps say it all
     try:
-        return limit_cycles(degraded), ""
+        return slosh_cycles(degraded), ""
     except OutsideValidity as error:
         return (), str(error)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sloshpy.case import Case
-from sloshpy.limit_cycle.cycles import Cycle
+from sloshpy.limit_cycle.cycle import Cycle
 from sloshpy.stability.required_damping import RequiredDamping
 from sloshpy.units import Array
 

@@ -15,7 +15,8 @@ from sloshpy.damping import DampingLaw, ratios
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import mode_shape
-from sloshpy.limit_cycle.cycles import Cycle, one_sinusoid_cycles
+from sloshpy.limit_cycle.cycle import Cycle
+from sloshpy.limit_cycle.cycles import one_sinusoid_cycles
 from sloshpy.limit_cycle.floquet import Floquet, floquet
 from sloshpy.limit_cycle.harmonic_balance import balance, residual, solve
 from sloshpy.limit_cycle.waveform import Waveform, peak, share, waveform

@@ -20,7 +20,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_eigenvalues
 from sloshpy.errors import OutsideValidity
 from sloshpy.limit_cycle.branch import slosh_stiffness
-from sloshpy.limit_cycle.cycles import greatest_disturbance, limit_cycles
+from sloshpy.limit_cycle.cycles import greatest_disturbance, slosh_cycles
 from sloshpy.units import Array, ComplexArray
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def two_axis_cycles(pitch: Case, yaw: Case | None = None) -> tuple[TwoAxisCycle,
 
     Raises:
         ValueError: the two have different tanks.
-        OutsideValidity: several modes of one axis grow at once, or no planar cycle attracts, see `limit_cycles`.
+        OutsideValidity: several modes of one axis grow at once, or no planar cycle attracts, see `slosh_cycles`.
     """
     yaw = pitch if yaw is None else yaw
     single(pitch, "two_axis_cycles")
@@ -230,7 +230,7 @@ def _starts(plane: _Plane, pitch: Case, yaw: Case) -> list[tuple[ComplexArray, f
     starts = []
     n = len(plane.laws)
     for k, case in enumerate((pitch, yaw)):
-        for cycle in limit_cycles(case):
+        for cycle in slosh_cycles(case):
             mode = _shape(plane.loops[k], cycle.omega, cycle.slosh_amplitude)
             rest = np.zeros(n, dtype=complex)
             starts.append((np.concatenate([mode, rest] if k == 0 else [rest, mode]), cycle.omega))

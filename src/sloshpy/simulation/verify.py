@@ -8,7 +8,7 @@ import numpy as np
 from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.errors import OutsideValidity
-from sloshpy.limit_cycle import Cycle, limit_cycles, predict_limit_cycle
+from sloshpy.limit_cycle import Cycle, limit_cycles, predict_limit_cycle, slosh_cycles
 from sloshpy.simulation.envelope import CYCLES
 from sloshpy.simulation.simulate import TimeHistory, simulate
 from sloshpy.units import Array, compared
@@ -93,7 +93,7 @@ def verify(case: Case) -> tuple[Verification, ...]:
     for degraded, tanks in _degraded(case):
         loop = f"degraded by the margin of {' and of '.join(tanks)}"
         try:
-            cycles = limit_cycles(degraded)
+            cycles = slosh_cycles(degraded)
         except OutsideValidity as error:  # degraded so far that several modes grow
             found.append(_blank(degraded, loop, None, f"not verified: {error}"))
             continue
@@ -137,6 +137,8 @@ def _simulated(case: Case, loop: str, cycle: Cycle) -> Verification:
     blank = _blank(case, loop, cycle)
     if not cycle.stable:
         return replace(blank, reason="not simulated: an unstable cycle repels")
+    if not cycle.tank:
+        return replace(blank, reason="not simulated: slosh alone does not start it; simulate a pulse of the engine")
     start = START * np.array(list(cycle.slosh_amplitude.values()))
     duration = 100.0 * 2.0 * np.pi / cycle.omega
     while True:
