@@ -197,7 +197,7 @@ def test_with_a_rate_gain_alone_the_attitude_is_neutral_and_that_fails():
 
 def test_a_loop_that_much_damping_makes_unstable_is_told_so():
     (reason,) = assess(paper_case(delay=1.0)).tanks[0].limit_cycle.reasons
-    assert "stable with little damping" in reason
+    assert "stable with 2.12 % damping of this tank, but with 30 % rigid body is unstable" in reason
 
 
 def test_a_disc_margin_below_the_criterion_is_told_where_the_limit_cycle_passes(tmp_path):

@@ -22,6 +22,7 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.integer[Any]]
 Real = float | Array
 
+LARGEST = 1e15  # in SI: beyond it nothing is a vehicle's
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _UNIT = re.compile(r"(?:[^\W\d]\w*|[*/() ]|\^-?\d{1,2}(?:\.\d{1,6})?|\^\(-?\d{1,2}/\d{1,2}\))+")
 _TOWER = re.compile(r"\^[-\d./()]*\^")  # m^9^9^9 would keep pint busy for ever
@@ -189,6 +190,8 @@ def _convert(value: float, name: str, unit: str, rate: bool) -> float:
     converted = float(registry.Quantity(value, written).to(wanted).magnitude) * factor
     if not math.isfinite(converted):
         raise UnitError(f"must be finite in {unit}", f"write {example(unit)}")
+    if abs(converted) > LARGEST:  # its square would leave the range of numbers, and no warning names the key
+        raise UnitError(f"must be below {LARGEST:g} {unit}", f"write {example(unit)}")
     return converted
 
 

@@ -114,7 +114,7 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
             sign, angle = "<=" if worst <= limit else ">", f"{worst:.3f}" if worst <= 90.0 else "more than 90"
             target.append(
                 f"{tank.name}: degraded by its whole margin it cycles with {cycle.worst_slosh_amplitude:.4g} m of "
-                f"slosh and {angle} deg of engine, {sign} {limit:.3g} deg"
+                f"slosh, and in its band with at most {angle} deg of engine, {sign} {limit:.3g} deg"
             )
             all_.cautions.extend(f"{tank.name}: {reason}" for reason in cycle.reasons)
         else:

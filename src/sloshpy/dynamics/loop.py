@@ -136,6 +136,6 @@ def _per_tank(value: Real, n: int) -> Array:
     if array.shape[-1] != n:
         raise ValueError(
             f"the last axis holds one value for each of the {n} tanks, this has shape {array.shape}; "
-            "a damping axis of one tank is written damping[:, None]"
+            + ("a damping axis is written damping[:, None]" if n == 1 else f"a damping axis has shape (.., {n})")
         )
     return array

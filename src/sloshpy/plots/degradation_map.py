@@ -134,7 +134,7 @@ def _message(found: DegradationMap) -> str:
     inside, worst, limit = (np.degrees(x) for x in (found.worst_inside, found.worst, found.limit))
     start = f"Degraded anywhere inside the disc margin, {found.tank}'s loop"
     if np.isnan(inside):
-        return f"{start} has degradations without a number, in it or on its edge"
+        return f"{start} is in places no single oscillation: there a simulation decides"
     if np.isinf(inside):
         return f"{start} has degradations for which it diverges"
     sign = "within" if worst <= limit else "beyond"

@@ -69,8 +69,9 @@ def figures(assessment: Assessment, full: bool = False) -> list[ReportFigure]:
             number="4",
             title="Root locus",
             tank="",
-            caption="Closed-loop poles over the loop gain without slosh damping: a slosh pole below its zero is driven "
-            "into the unstable half, one above its zero is not.",
+            caption="Closed-loop poles over the loop gain without slosh damping. With one tank and a plain PD law a "
+            "slosh pole below its zero is driven into the unstable half, one above it is not; lag and other tanks may "
+            "turn that.",
             stem="fig4_root_locus",
             draw=lambda: plot_root_locus(root_locus(case)),
         )

@@ -138,7 +138,8 @@ class MarginTable:
         if self.growing:
             poles = "pole grows" if self.growing == 1 else "poles grow"
             lines.append(
-                f"{self.growing} {poles} in the broken loop: it is stable only with enough gain, see gain down"
+                f"{self.growing} {poles} in the broken loop: it is stable only with enough gain"
+                + (", see gain down" if m.stable else "")
             )
         if m.neutral:
             return ["NEUTRAL: no margin is left", *lines]

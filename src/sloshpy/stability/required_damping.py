@@ -70,9 +70,10 @@ class RequiredDamping:
             return f"{self.tank}: needs no slosh damping for a disc margin of {self.disc_margin:g}"
         hertz = float(self.omega) / 2.0 / np.pi
         where = "where its minimum ends" if np.isnan(hertz) else f"at {hertz:.4f} Hz"
+        neutral = f"neutral at {100.0 * float(self.neutral):.4f} %" if self.neutral > 0.0 else "stable without"
         return (
-            f"{self.tank}: neutral at {100.0 * float(self.neutral):.4f} %, disc margin {self.disc_margin:g} from "
-            f"{100.0 * float(self.required):.4f} % on, {where}"
+            f"{self.tank}: {neutral}, disc margin {self.disc_margin:g} from {100.0 * float(self.required):.4f} % on, "
+            f"{where}"
         )
 
     def to_dataset(self) -> "xr.Dataset":
