@@ -69,7 +69,8 @@ def _message(found: RequiredDampingMap, own: int) -> str:
         return f"{found.tank}: no slosh damping suffices; {where}"
     if found.required[own] == 0.0:
         return f"{found.tank} needs no slosh damping; {where}"
-    text = f"{found.tank} needs {percent(found.required[own])} slosh damping"
+    coupled = ", what coupled tanks ask included" if len(found.case.vehicle.tanks) > 1 else ""
+    text = f"{found.tank} needs {percent(found.required[own])} slosh damping{coupled}"
     if found.neutral[own] > 0.0:
         text += f"; below {percent(found.neutral[own])} it is unstable"
     return f"{text}; {where}"

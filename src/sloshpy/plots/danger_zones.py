@@ -76,4 +76,5 @@ def _message(maps: Sequence[RequiredDampingMap]) -> str:
     most = [name for name, need in needs.items() if need > (1.0 - ALIKE) * needs[tank]]
     if len(most) > 1:
         return f"Where the tanks stand, {' and '.join(most)} need {percent(needs[tank])} of slosh damping each"
-    return f"Where the tanks stand, {tank} needs most slosh damping: {percent(needs[tank])}"
+    asked = "what coupled tanks ask included"
+    return f"Where the tanks stand, {tank} needs most slosh damping: {percent(needs[tank])}, {asked}"
