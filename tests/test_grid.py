@@ -8,7 +8,7 @@ import pytest
 import oracle
 from cases import paper_case, random_case, real_case, xi
 from sloshpy.case import Criteria
-from sloshpy.dynamics import open_loop
+from sloshpy.dynamics import open_loop, partial_fractions
 from sloshpy.dynamics.partial_fractions import _plant_modes
 from sloshpy.dynamics.response import unfed
 from sloshpy.stability.grid import grid_sweep
