@@ -3,12 +3,14 @@
 import importlib
 import json
 import math
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
+import oracle
 from cases import PAPER_LAW, paper_case, xi
 from sloshpy.assess import assess
 from sloshpy.case import Criteria
@@ -196,8 +198,13 @@ def test_with_a_rate_gain_alone_the_attitude_is_neutral_and_that_fails():
 
 
 def test_a_loop_that_much_damping_makes_unstable_is_told_so():
-    (reason,) = assess(paper_case(delay=1.0)).tanks[0].limit_cycle.reasons
-    assert "stable with 2.12 % damping of this tank, but with 30 % rigid body is unstable" in reason
+    case = paper_case(delay=1.0)
+    (reason,) = assess(case).tanks[0].limit_cycle.reasons
+    said = re.search(r"stable with ([\d.]+) % damping of this tank, but with 30 % rigid body is unstable", reason)
+    ratio = float(said.group(1)) / 100.0
+    assert oracle.stable(oracle.numbers(case, ratio))
+    assert not oracle.stable(oracle.numbers(case, 1.3 * ratio))  # the scan goes up in steps of a quarter
+    assert not oracle.stable(oracle.numbers(case, 0.3))
 
 
 def test_a_disc_margin_below_the_criterion_is_told_where_the_limit_cycle_passes(tmp_path):
