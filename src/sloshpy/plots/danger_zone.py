@@ -54,7 +54,8 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
     if not np.any(np.isfinite(required)):
         text = "no damping of this tank suffices at any station:\nanother mode is unstable or short of margin"
         ax.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=10.0)
-    finish(ax, _message(found, own), "Station of the slosh mass, forward of the gimbal [m]", "Slosh damping [%]")
+    label = "Station of the slosh mass, forward of the gimbal [m]"
+    finish(ax, _message(found, own), f"{label}\n{found.guide}".strip(), "Slosh damping [%]")
     return ax
 
 

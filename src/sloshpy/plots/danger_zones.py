@@ -57,7 +57,8 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
             text, (max(bounds), 1.2 * top), (5, 0), textcoords="offset points", fontsize=SMALL, ha="left", va="center"
         )
     ax.legend(loc="upper right", fontsize=SMALL)
-    finish(ax, _message(maps), "Station of the slosh mass, forward of the gimbal [m]", "Required slosh damping [%]")
+    label = "Station of the slosh mass, forward of the gimbal [m]"
+    finish(ax, _message(maps), f"{label}\n{maps[0].guide}".strip(), "Required slosh damping [%]")
     return ax
 
 

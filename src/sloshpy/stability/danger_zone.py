@@ -197,7 +197,15 @@ class RequiredDampingMap:
         worst = int(np.nanargmax(np.where(np.isnan(self.required), np.inf, self.required)))
         need = self.required[worst]
         text = "no damping suffices" if np.isnan(need) else f"{100.0 * need:.3f} % needed"
-        return f"{self.zone}\n  worst of {len(self.station)} stations, {self.station[worst]:.3f} m: {text}"
+        line = f"{self.zone}\n  worst of {len(self.station)} stations, {self.station[worst]:.3f} m: {text}"
+        return f"{line}\n  {self.guide}" if self.guide else line
+
+    @property
+    def guide(self) -> str:
+        """How far the curve of one of several tanks may be trusted, in words; empty for one tank."""
+        if len(self.case.vehicle.tanks) < 2:
+            return ""
+        return "other tanks damped as now: away from its own station a guide alone"
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the map as an xarray Dataset over the station."""
