@@ -27,6 +27,7 @@ HALF = {"slosh_mass": 500.0}
 TWIN = SloshMass(name="twin", slosh_mass=500.0, station=9.0, frequency=2.0, damping=PowerDamping(slope=0.1))
 HARMLESS = SloshMass(name="LH2", slosh_mass=800.0, station=-5.0, frequency=3.3, damping=xi(0.06))
 WEAK = SloshMass(name="aux", slosh_mass=60.0, station=9.0, frequency=3.1, damping=xi(0.0005))
+NEAR = SloshMass(name="near", slosh_mass=250.0, station=2.5, frequency=2.1, damping=PowerDamping(slope=0.12))
 SECOND = SloshMass(name="second", slosh_mass=700.0, station=8.0, frequency=2.7, damping=PowerDamping(slope=0.2))
 
 
@@ -167,8 +168,7 @@ def test_the_limit_cycle_of_a_tank_can_be_asked_with_the_others_as_one_likes():
 def test_what_the_verdict_prints_is_no_less_than_what_the_degraded_loop_does():
     from sloshpy.simulation import verify
 
-    near = SloshMass(name="near", slosh_mass=250.0, station=2.5, frequency=2.1, damping=PowerDamping(slope=0.12))
-    case = paper_case(more=(near,))
+    case = paper_case(more=(NEAR,))
     review = assess(case)
     (one,) = [one for one in verify(case) if one.loop != "as given"]
     assert one.loop == "degraded by the margin of LOX and of near"
@@ -181,8 +181,7 @@ def test_what_the_verdict_prints_is_no_less_than_what_the_degraded_loop_does():
 
 
 def test_a_minimum_that_two_tanks_share_sets_the_requirement_of_both():
-    near = SloshMass(name="near", slosh_mass=250.0, station=2.5, frequency=2.1, damping=PowerDamping(slope=0.12))
-    case = paper_case(more=(near,))
+    case = paper_case(more=(NEAR,))
     joint = joint_damping(case)
     lox, other = (predict_limit_cycle(case, j) for j in (0, 1))
     assert lox.required.shared_with == ()
@@ -198,8 +197,7 @@ def test_a_minimum_that_two_tanks_share_sets_the_requirement_of_both():
 
 
 def test_the_shared_requirement_is_continuous_along_the_vehicle_and_in_every_answer():
-    near = SloshMass(name="near", slosh_mass=250.0, station=2.5, frequency=2.1, damping=PowerDamping(slope=0.12))
-    case = paper_case(more=(near,))
+    case = paper_case(more=(NEAR,))
     cycle = predict_limit_cycle(case, 1)
     # shared from about -9.5 to 6.5 m, its own beyond
     station = np.append(np.linspace(-12.0, 12.0, 49), 2.5)
@@ -208,6 +206,43 @@ def test_the_shared_requirement_is_continuous_along_the_vehicle_and_in_every_ans
     assert np.max(np.abs(np.diff(along[:-1]))) < 0.004
     sweep = damping_sweep(case, (0.04, along[-1]), 1)
     assert sweep.disc_margin == pytest.approx([slosh_margin(case, [joint_damping(case)[0], 0.04]), 1.0], abs=1e-5)
+
+
+@pytest.mark.parametrize(("more", "tank"), [((NEAR,), 0), ((NEAR,), 1), ((SECOND, NEAR), 1)])
+def test_the_map_says_at_every_station_what_the_edited_case_needs(more, tank):
+    case = paper_case(more=more)
+    station = np.array([-4.0, 1.0, 5.5, 7.0, 10.0, 13.0])
+    along = required_damping_map(case, tank, station)
+    for k, where in enumerate(station):
+        tanks = list(case.vehicle.tanks)
+        tanks[tank] = tanks[tank].model_copy(update={"station": float(where)})
+        edited = case.model_copy(update={"vehicle": case.vehicle.model_copy(update={"tanks": tuple(tanks)})})
+        needed = predict_limit_cycle(edited, tank).together
+        # 1e-7: a minimum at the threshold is known to the root of its value's rounding
+        assert along.required[k] == pytest.approx(float(needed.required), rel=1e-7, abs=1e-12)
+        assert along.neutral[k] == pytest.approx(float(needed.neutral), rel=1e-7, abs=1e-12)
+        joint = joint_damping(edited)
+        assert slosh_margin(edited, joint) == pytest.approx(1.0, abs=1e-5)
+        held = np.where(np.arange(len(joint)) == tank, along.required[k], joint)
+        assert slosh_margin(edited, held) > 0.99 - 1e-5  # others that are short by a hundredth ask nothing
+
+
+def test_a_jump_of_the_map_is_followed_to_an_eighth_of_the_stations_distance():
+    found = required_damping_map(paper_case(more=(SECOND, NEAR)), 1)
+    rise, apart = np.abs(np.diff(found.required)), np.diff(found.station)
+    jumps = rise > 0.25 * np.max(found.required)
+    assert np.any(jumps)  # beyond about 10.3 m LOX is short without it
+    assert np.max(apart[jumps]) < 0.13 * np.max(apart)
+
+
+def test_joint_damping_of_a_batch_is_that_of_each():
+    stations, slope = np.array([[-4.0], [9.0], [13.0]]), np.array([0.5, 1.0])
+    case = paper_case(tank={"station": stations}, more=(NEAR, WEAK), rate_gain=slope)
+    joint = joint_damping(case)
+    assert joint.shape == (3, 2, 3)
+    for k in np.ndindex(3, 2):
+        one = paper_case(tank={"station": float(stations[k[0], 0])}, more=(NEAR, WEAK), rate_gain=float(slope[k[1]]))
+        assert joint[k] == pytest.approx(joint_damping(one), rel=1e-8)
 
 
 def test_a_tank_whose_data_end_before_the_cycle_gets_no_verdict_though_it_needs_nothing_of_its_own():

@@ -5,6 +5,7 @@ margins prove it: just below, the tank's disc margin is too small or the loop gr
 the grid and the poles must show no second place. Whatever is not proved goes through the search of `required_damping`.
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.dynamics.response import REFERENCE_DAMPING, at_reference, of_one_damping
 from sloshpy.stability import loop_margins, loop_required_damping, nichols_disc_margin
-from sloshpy.stability.required_damping import MOST_RATIO, PROOF
+from sloshpy.stability.damping_search import MOST_RATIO, PROOF
 from sloshpy.stability.touching import touching_level, with_ratio
 from sloshpy.units import Array, BoolArray, IntArray
 
@@ -42,7 +43,8 @@ def many_required(loop: Loop, criteria: Criteria, tank: int) -> tuple[Array, Arr
             break
         level, reach = criteria.disc_margin, STRAY * np.log(LEVELS[1] / LEVELS[0])
         ends = np.array([found.low[waiting] * np.exp(-reach), found.high[waiting] * np.exp(reach)])
-        _, ratio = touching_level(loop, waiting, tank, level, criteria, (start[0][waiting], start[1][waiting]), ends)
+        loops = functools.partial(_damped, loop, tank, waiting)
+        _, ratio = touching_level(loops, level, criteria, (start[0][waiting], start[1][waiting]), ends)
         sound = np.isfinite(ratio) & (ratio >= LEAST) & (ratio < LEVELS[-1])
         waiting, ratio = waiting[sound], ratio[sound]
         proved, at = _proved(loop, criteria, tank, ratio, waiting)
@@ -52,6 +54,10 @@ def many_required(loop: Loop, criteria: Criteria, tank: int) -> tuple[Array, Arr
         one = loop_required_damping(loop.take(np.array([row])), criteria, tank, criteria.disc_margin)
         required[row], omega[row] = one.required[0], one.omega[0]
     return required, omega
+
+
+def _damped(loop: Loop, tank: int, rows: IntArray, ratio: Array, k: IntArray) -> Loop:
+    return with_ratio(loop, rows[k], tank, ratio)
 
 
 @dataclass(frozen=True)

@@ -46,16 +46,23 @@ def transfer(loop: Loop, s: ComplexArray) -> Transfer:
     s = np.asarray(s, dtype=complex)
     if len(loop.plant.tanks) != 1 and np.broadcast_shapes(loop.damping.shape[:-1], s.shape) == _plants(loop, s):
         return _direct(loop, s)
-    Y_b, Y_a, z_b, Z_a = at_reference(loop, s)
-    sd = s[..., None] * excess_damping(loop)
-    if sd.shape[-1] == 1:
-        # one tank: a ratio of first-degree polynomials in the damping, kept to few operations on the full batch
-        with np.errstate(divide="ignore", invalid="ignore"):  # infinite on an undamped pole, as it must be
-            z = z_b[..., 0] / (1.0 + sd[..., 0] * Z_a[..., 0, 0])
-            return Transfer(loop=(s * Y_a[..., 0]) * excess_damping(loop)[..., 0] * z - Y_b, slosh=z[..., None])
-    several = _closed(np.asarray(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], dtype=complex), z_b)
-    with np.errstate(invalid="ignore"):  # as above
-        return Transfer(loop=np.sum(Y_a * sd * several, axis=-1) - Y_b, slosh=several)
+    y, z = closed_by_damping(s[..., None] * excess_damping(loop), at_reference(loop, s))
+    return Transfer(loop=-y, slosh=z)
+
+
+def closed_by_damping(sd: ComplexArray, parts: tuple[ComplexArray, ...]) -> tuple[ComplexArray, ComplexArray]:
+    """Return what the autopilot is fed, and each z, of beta with the damping fed back that the reference lacks.
+
+    sd: s d_j, (..., n_tanks). parts: those of `at_reference` or of `unfed`; their shapes broadcast.
+    """
+    y_b, Y_a, z_b, Z_a = parts
+    with np.errstate(divide="ignore", invalid="ignore"):  # infinite on an undamped pole, as it must be
+        if sd.shape[-1] == 1:
+            # one tank: a ratio of first-degree polynomials in the damping, kept to few operations on the full batch
+            only = z_b[..., 0] / (1.0 + sd[..., 0] * Z_a[..., 0, 0])
+            return y_b - Y_a[..., 0] * sd[..., 0] * only, only[..., None]
+        z = _closed(np.asarray(np.eye(sd.shape[-1]) + Z_a * sd[..., None, :], dtype=complex), z_b)
+        return np.asarray(y_b - np.sum(Y_a * sd * z, axis=-1)), z
 
 
 def _plants(loop: Loop, s: ComplexArray) -> tuple[int, ...]:

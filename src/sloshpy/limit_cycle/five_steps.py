@@ -21,9 +21,10 @@ from sloshpy.limit_cycle.band import engine_per_slosh, inner_peak, slosh_band
 from sloshpy.limit_cycle.cycle import Cycle
 from sloshpy.limit_cycle.cycles import slosh_cycles
 from sloshpy.limit_cycle.limit_cycle import LimitCycle
+from sloshpy.stability.damping_search import LEVELS, MOST_RATIO, damping_levels
 from sloshpy.stability.joint_damping import falls_short, joint_damping, joint_required_damping
 from sloshpy.stability.margins import Margins, loop_margins
-from sloshpy.stability.required_damping import LEVELS, MOST_RATIO, RequiredDamping, damping_levels
+from sloshpy.stability.required_damping import RequiredDamping
 from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array
 

@@ -58,7 +58,7 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
         )
     ax.legend(loc="upper right", fontsize=SMALL)
     label = "Station of the slosh mass, forward of the gimbal [m]"
-    finish(ax, _message(maps), f"{label}\n{maps[0].guide}".strip(), "Required slosh damping [%]")
+    finish(ax, _message(maps), label, "Required slosh damping [%]")
     return ax
 
 

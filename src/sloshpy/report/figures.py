@@ -30,6 +30,7 @@ from sloshpy.plots.save import Drawn
 from sloshpy.simulation import simulate_degraded
 from sloshpy.stability import (
     DampingSweep,
+    RequiredDampingMap,
     damping_law_curve,
     damping_sweep,
     disc_margin_curve,
@@ -64,6 +65,11 @@ def figures(assessment: Assessment, full: bool = False) -> list[ReportFigure]:
     full: with those that take their time, the danger zones of all tanks together and the degradation map.
     """
     case = assessment.case
+
+    @functools.cache
+    def zone(j: int) -> RequiredDampingMap:
+        return required_damping_map(case, j)
+
     found = [
         ReportFigure(
             number="4",
@@ -77,10 +83,10 @@ def figures(assessment: Assessment, full: bool = False) -> list[ReportFigure]:
         )
     ]
     for j, tank in enumerate(assessment.tanks):
-        found += _of_tank(assessment, j, tank)
+        found += _of_tank(assessment, j, tank, zone)
     worst = leading_limit_cycle(assessment)
     if full:
-        found += _in_full(assessment, worst)
+        found += _in_full(assessment, worst, zone)
     found.append(
         ReportFigure(
             number="9",
@@ -95,7 +101,9 @@ def figures(assessment: Assessment, full: bool = False) -> list[ReportFigure]:
     return found
 
 
-def _in_full(assessment: Assessment, worst: LimitCycle) -> list[ReportFigure]:
+def _in_full(
+    assessment: Assessment, worst: LimitCycle, zone: Callable[[int], RequiredDampingMap]
+) -> list[ReportFigure]:
     case = assessment.case
     untrusted = "" if assessment.margins.trusted else UNTRUSTED
     drawn = [
@@ -117,12 +125,7 @@ def _in_full(assessment: Assessment, worst: LimitCycle) -> list[ReportFigure]:
             tank="",
             caption="Damping each tank would need at each station of the vehicle, and where it is.",
             stem="danger_zones",
-            draw=lambda: plot_danger_zones(
-                [
-                    required_damping_map(case, j, others=tank.limit_cycle.required.source.damping)
-                    for j, tank in enumerate(assessment.tanks)
-                ]
-            ),
+            draw=lambda: plot_danger_zones([zone(j) for j in range(len(assessment.tanks))]),
             missing=untrusted,
         )
         drawn.insert(0, zones)
@@ -135,7 +138,9 @@ def leading_limit_cycle(assessment: Assessment) -> LimitCycle:
     return max(cycles, key=lambda c: c.tvc_amplitude[1] if np.isfinite(c.tvc_amplitude[1]) else -np.inf)
 
 
-def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFigure]:
+def _of_tank(
+    assessment: Assessment, j: int, tank: TankReview, zone: Callable[[int], RequiredDampingMap]
+) -> list[ReportFigure]:
     case, name, cycle = assessment.case, tank.name, tank.limit_cycle
     required = cycle.together
 
@@ -149,7 +154,7 @@ def _of_tank(assessment: Assessment, j: int, tank: TankReview) -> list[ReportFig
     rows: list[tuple[str, str, str, str, Callable[[], Drawn], str]] = [
         ("", "Danger zone", "danger_zone", "Damping the tank would need at each station, and the closed-form danger "
          "zone (eqs 22 and 23); the dot is the tank where it is.",
-         lambda: plot_danger_zone(required_damping_map(case, j, others=required.source.damping)), untrusted),
+         lambda: plot_danger_zone(zone(j)), untrusted),
         ("5", "Bode diagram", "bode", "Open loop, broken at the engine command, at several dampings of this tank.",
          lambda: plot_bode(sweep()), ""),
         ("6", "Nichols diagram", "nichols", "The open loop about the critical point (+); a curve through the grey disc "

@@ -15,7 +15,7 @@ from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.sensed import bordering_row
 from sloshpy.errors import OutsideValidity
 from sloshpy.stability.joint_damping import joint_damping, joint_required_damping
-from sloshpy.units import Array, Real
+from sloshpy.units import Array, IntArray, Real
 from sloshpy.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 LEAST_LEAD = np.radians(10.0)  # below this lead the zone shrinks to nothing and then inverts
 MAP_LEVELS = 23  # damping values scanned at each station, in steps of 1.4
+JUMP = 0.25  # of the greatest required damping: between neighbours that differ by more, stations are added,
+HALVINGS = 3  # so often
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +180,7 @@ def _pulse_phase(polynomial: tuple[float, ...], angle: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class RequiredDampingMap:
-    """Damping that one tank needs at each station of the vehicle; the other tanks where all meet the margin together.
+    """Damping that one tank needs at each station: what a case that is edited to have it stand there needs.
 
     station: (S,), m forward of the gimbal. required, neutral: (S,), damping ratios; nan where none suffices.
     departure: (S,), 1/s: real part of the undamped slosh pole's first-order departure per unit of loop gain;
@@ -197,15 +199,7 @@ class RequiredDampingMap:
         worst = int(np.nanargmax(np.where(np.isnan(self.required), np.inf, self.required)))
         need = self.required[worst]
         text = "no damping suffices" if np.isnan(need) else f"{100.0 * need:.3f} % needed"
-        line = f"{self.zone}\n  worst of {len(self.station)} stations, {self.station[worst]:.3f} m: {text}"
-        return f"{line}\n  {self.guide}" if self.guide else line
-
-    @property
-    def guide(self) -> str:
-        """How far the curve of one of several tanks may be trusted, in words; empty for one tank."""
-        if len(self.case.vehicle.tanks) < 2:
-            return ""
-        return "other tanks damped as now: away from its own station a guide alone"
+        return f"{self.zone}\n  worst of {len(self.station)} stations, {self.station[worst]:.3f} m: {text}"
 
     def to_dataset(self) -> "xr.Dataset":
         """Return the map as an xarray Dataset over the station."""
@@ -222,47 +216,63 @@ class RequiredDampingMap:
         )
 
 
-def required_damping_map(
-    case: Case, tank: int | str = 0, station: Array | None = None, others: Array | None = None
-) -> RequiredDampingMap:
+def required_damping_map(case: Case, tank: int | str = 0, station: Array | None = None) -> RequiredDampingMap:
     """Return the required damping and the departure of a tank's slosh mode as its station moves, any autopilot.
 
-    What coupled tanks ask of it counts, see `joint_required_damping`: where a new station leaves another tank short,
+    At each station the other tanks are held anew where all meet the disc margin together, see `joint_damping`, and
+    what coupled tanks ask of it counts, see `joint_required_damping`: where a new station leaves another tank short,
     the curve may rise steeply to the damping that would make up for it.
 
     Args:
         case: one vehicle and autopilot, no batch.
         tank: name or number of the tank to move.
         station: stations in m forward of the gimbal; default: 41, or 21 for a large vehicle, across the closed-form
-            zone and the tank's own and beyond, with the bounds of the zone and the tank's own station.
-        others: damping ratios at which the other tanks are held; default: see `joint_damping`.
+            zone and the tank's own and beyond, with the bounds of the zone, the tank's own station, and more where the
+            curve jumps.
     """
     single(case, "required_damping_map")
     tank = case.tank_index(tank)
-    v, zone = case.vehicle, danger_zone(case, tank)
-    moved = v.tanks[tank]
-    if station is None:
-        station = _stations(v, tank, zone)
-    station = np.asarray(station, dtype=float)
+    zone = danger_zone(case, tank)
+    at = np.asarray(_stations(case.vehicle, tank, zone) if station is None else station, dtype=float)
+    found = _needs(case, tank, at)
+    for _ in range(HALVINGS if station is None else 0):
+        k = _jumps(found[0])
+        if len(k) == 0:
+            break
+        between = 0.5 * (at[k] + at[k + 1])
+        at, found = np.insert(at, k + 1, between), np.insert(found, k + 1, _needs(case, tank, between), axis=1)
+    return RequiredDampingMap(
+        case=case,
+        tank=case.vehicle.tanks[tank].name,
+        station=at,
+        required=found[0],
+        neutral=found[1],
+        departure=found[2],
+        zone=zone,
+    )
+
+
+def _needs(case: Case, tank: int, station: Array) -> Array:
+    """Return required damping, neutral damping and departure of a tank at stations, (3, S)."""
+    v = case.vehicle
     there = {"station": station, "hinge_station": None, "pendulum_length": None}  # a pendulum moves as a whole
     tanks = [t.model_copy(update=there) if j == tank else t for j, t in enumerate(v.tanks)]
-    moved_vehicle = v.model_copy(update={"tanks": tuple(tanks)})
-    if np.any(moved_vehicle.mass_matrix_margin <= 0.0):
+    moved = case.model_copy(update={"vehicle": v.model_copy(update={"tanks": tuple(tanks)})})
+    if np.any(moved.vehicle.mass_matrix_margin <= 0.0):
         raise OutsideValidity(
             "a station is so far from the c.g. that the mass matrix is indefinite; give nearer stations"
         )
-    held = joint_damping(case) if others is None else others
-    loop = open_loop(case.model_copy(update={"vehicle": moved_vehicle}), held)
+    loop = open_loop(moved, joint_damping(moved, MAP_LEVELS))
     needed = joint_required_damping(loop, case.criteria, tank, case.criteria.disc_margin, levels=MAP_LEVELS)
-    return RequiredDampingMap(
-        case=case,
-        tank=moved.name,
-        station=station,
-        required=needed.required,
-        neutral=needed.neutral,
-        departure=departure(loop, tank),
-        zone=zone,
-    )
+    return np.array([needed.required, needed.neutral, departure(loop, tank)])
+
+
+def _jumps(required: Array) -> IntArray:
+    """Return after which stations the curve jumps, or ends."""
+    known = np.where(np.isnan(required), np.inf, required)
+    most = np.max(required, initial=0.0, where=np.isfinite(required))
+    with np.errstate(invalid="ignore"):  # between two that have no number
+        return np.flatnonzero(np.abs(np.diff(known)) > JUMP * most)
 
 
 def _stations(v: Vehicle, tank: int, zone: DangerZone) -> Array:

@@ -1,4 +1,4 @@
-"""One loop at many dampings of one tank, sampled on common frequencies: the plant is solved once for all dampings."""
+"""One loop at many dampings of its tanks, sampled on common frequencies: the plant is solved once for all dampings."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from sloshpy.autopilot import forward_transfer
 from sloshpy.case import Criteria
 from sloshpy.dynamics.loop import Loop
 from sloshpy.dynamics.partial_fractions import references_on
-from sloshpy.dynamics.response import REFERENCE_DAMPING
+from sloshpy.dynamics.response import REFERENCE_DAMPING, closed_by_damping
 from sloshpy.stability.nichols import (
     Curves,
     allowed_chord,
@@ -18,48 +18,45 @@ from sloshpy.stability.nichols import (
     placed,
     valley_samples,
 )
-from sloshpy.stability.touching import with_ratio
 from sloshpy.units import Array, ComplexArray, IntArray
 
 LEAST = 1e-5  # damping ratio; in each decade above it one loop's poles and zeros place the first frequencies
 
 
-def sampled_family(loop: Loop, tank: int, ratio: Array, criteria: Criteria, below: float) -> Curves:
-    """Sample one loop at dampings of one tank so densely that no minimum of eq 24 below a level is missed.
+def sampled_family(batch: Loop, moved: tuple[int, ...], criteria: Criteria, below: float) -> Curves:
+    """Sample loops that differ in their damping alone so densely that no minimum of eq 24 below a level is missed.
 
-    By the rules of `nichols.sampled`, on frequencies common to all dampings; curve k of the result has damping k.
+    By the rules of `nichols.sampled`, on frequencies common to all of them.
 
     Args:
-        loop: one loop, no batch.
-        tank: number of the tank.
-        ratio: (K,), damping ratios, increasing.
+        batch: of one axis, damping increasing.
+        moved: numbers of the tanks whose damping may differ.
         criteria: gain and phase margin of eq 24.
         below: minima above this may be missed.
     """
     GM, PM = criteria.gain_margin, criteria.phase_margin
-    batch = with_ratio(loop, np.zeros(len(ratio), dtype=int), tank, ratio)
-    decades = np.ptp(np.log10(np.maximum(ratio, LEAST)))
+    one, tanks = batch.take(np.asarray(0)), np.array(moved)
+    ratio = np.broadcast_to(batch.damping, (*batch.batch, batch.damping.shape[-1]))
+    decades = np.max(np.ptp(np.log10(np.maximum(ratio[:, tanks], LEAST)), axis=0))
     anchors = np.unique(np.linspace(0, len(ratio) - 1, int(np.ceil(decades)) + 2).astype(int))
     omega = np.unique(placed(batch.take(anchors))[1])
     omega = omega[np.append(True, np.diff(omega) > 1e-9 * omega[:-1])]
-    d = 2.0 * (ratio - REFERENCE_DAMPING)[:, None] * float(loop.plant.tank_frequency[tank])
-    (reference,) = references_on(
-        batch.take(np.array([0])),
-        omega,
-        np.where(np.arange(loop.damping.size) == tank, REFERENCE_DAMPING, loop.damping),
-    )
+    reference_ratio = one.damping.copy()
+    reference_ratio[tanks] = REFERENCE_DAMPING
+    (reference,) = references_on(batch.take(np.array([0])), omega, reference_ratio)
+    d = 2.0 * (ratio[:, tanks] - REFERENCE_DAMPING) * one.plant.tank_frequency[tanks]
 
     def response(at: Array) -> ComplexArray:
         s = 1j * at
-        y_b, Y_a, z_b, Z_a = reference(at)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            fed_back = s * Y_a[tank] * z_b[tank] * d / (1.0 + s * Z_a[tank, tank] * d)
-            return np.asarray(forward_transfer(loop.autopilot, s) * (fed_back - y_b))
+        y_b, Y_a, z_b, Z_a = (np.moveaxis(x, -1, 0) for x in reference(at))
+        Z_a = Z_a[:, tanks[:, None], tanks]
+        y = closed_by_damping(s[:, None] * d[:, None, :], (y_b, Y_a[:, tanks], z_b[:, tanks], Z_a))[0]
+        return np.asarray(-forward_transfer(one.autopilot, s) * y)
 
     L = response(omega)
     sound = np.all(np.isfinite(L) & (L != 0.0), axis=0)
     omega, L = omega[sound], L[:, sound]
-    tau = float(loop.autopilot.dead_time)
+    tau = float(one.autopilot.dead_time)
     among: IntArray = np.arange(len(omega) - 1)
     for _ in range(40):
         turn = tau * (omega[among + 1] - omega[among])

@@ -10,67 +10,84 @@ from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.dynamics.response import transfer
+from sloshpy.stability.damping_search import LEVELS, MOST_RATIO, DampingSearch, damping_levels, supremum
 from sloshpy.stability.margins import loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin
-from sloshpy.stability.required_damping import (
-    LEVELS,
-    MOST_RATIO,
-    RequiredDamping,
-    damping_levels,
-    loop_required_damping,
-    supremum,
-)
+from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping
 from sloshpy.stability.touching import with_ratio
-from sloshpy.units import Array, BoolArray
+from sloshpy.units import Array, BoolArray, IntArray
 
 SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
 NOTICED = 1e-2  # relative: by how much another tank falls short of the disc margin before it asks more of a tank
 BESIDE = 1e-6  # relative: a damping just above a requirement
 
 
-def joint_damping(case: Case) -> Array:
-    """Return the damping at which all tanks together meet the disc margin, one ratio for each tank.
+def joint_damping(case: Case, levels: int = LEVELS) -> Array:
+    """Return the damping at which all tanks together meet the disc margin, one ratio for each tank, (..., n_tanks).
 
     Every tank's law is read at one common slosh amplitude: the least above which, for every larger one, the loop is
     stable and no slosh-related disc margin is below the criterion. The five steps hold the other tanks there, since in
     a limit cycle none of them is at rest. Where the laws do not suffice at any amplitude (a constant too small, data
     that end too early), each tank gets at least the least common ratio that does, so that a tank is judged by its own
     need and not by another's shortage. One tank alone keeps its small-amplitude damping.
+
+    Args:
+        case: vehicle and autopilot; their fields may carry leading axes.
+        levels: how many dampings are scanned.
     """
     laws = [tank.damping for tank in case.vehicle.tanks]
-    small = open_loop(case).damping
+    loop = open_loop(case)
+    size = int(np.prod(loop.batch))
     if len(laws) < 2:
-        return small
-    reaches = [_reach(law) for law in laws]
-    most = max([reach for reach in reaches if np.isfinite(reach)], default=0.0)
-    axis = NEUTRAL * max(float(tank.frequency) for tank in case.vehicle.tanks)
-    share = damping_levels(LEVELS) / MOST_RATIO
+        return np.asarray(np.broadcast_to(loop.damping, (*loop.batch, len(laws))))
+    most = max([reach for law in laws if np.isfinite(reach := _reach(law))], default=0.0)
 
     def at_amplitude(amplitude: Array) -> Array:
         columns = [law.ratio(np.clip(amplitude, law.smallest_amplitude, law.largest_amplitude)) for law in laws]
-        return np.minimum(np.stack(columns, axis=-1), MOST_RATIO)
+        return np.asarray(np.minimum(np.stack(columns, axis=-1), MOST_RATIO))
 
-    def lacking(damping: Array) -> Array:
-        found = loop_margins(open_loop(case, damping), case.criteria, crossings=False)
-        least = np.abs(found.slosh_disc_margin(*range(len(laws)))[0])
-        short = np.where(np.isinf(least), -1.0, case.criteria.disc_margin - least)
-        return np.where(found.growth < axis, short, np.maximum(np.abs(short), case.criteria.disc_margin))
-
-    def least_of(damping: Callable[[Array], Array], levels: Array) -> float:
-        bad = lacking(damping(levels))[None, :] > 0.0
-        return float(supremum(bad, levels, lambda level, _: lacking(damping(level)))[0])
-
+    needed = np.broadcast_to(at_amplitude(np.asarray(most)), (size, len(laws))).copy()
+    rows = np.arange(size)
     if most > 0.0:
-        amplitude = least_of(at_amplitude, share * most)
-        if not np.isnan(amplitude):
-            return at_amplitude(np.asarray(amplitude))
-    given = at_amplitude(np.asarray(most))
+        share = _least_level(loop, case.criteria, rows, levels, lambda level: at_amplitude(level / MOST_RATIO * most))
+        known = np.isfinite(share)
+        needed[known], rows = at_amplitude(share[known] / MOST_RATIO * most), rows[~known]
+    if len(rows):
+        given = needed[rows[0]]  # what the laws give at most: no amplitude was enough
 
-    def at_least(ratio: Array) -> Array:
-        return np.maximum(given, np.asarray(ratio)[..., None])
+        def at_least(ratio: Array) -> Array:
+            return np.asarray(np.maximum(given, ratio[..., None]))
 
-    ratio = least_of(at_least, share * MOST_RATIO)
-    return given if np.isnan(ratio) else at_least(np.asarray(ratio))
+        ratio = _least_level(loop, case.criteria, rows, levels, at_least)
+        needed[rows] = np.where(np.isnan(ratio)[:, None], given, at_least(ratio))
+    return needed.reshape(*loop.batch, len(laws))
+
+
+def _least_level(
+    loop: Loop, criteria: Criteria, rows: IntArray, levels: int, damping: Callable[[Array], Array]
+) -> Array:
+    """Return the level up to `MOST_RATIO` above which loops of a flattened batch are good; nan where none is.
+
+    damping: of levels, the ratios of all tanks.
+    """
+    tanks = tuple(range(len(loop.plant.tanks)))
+    search = DampingSearch(
+        at=lambda level, k: replace(loop.take(rows[k]), damping=damping(level)),
+        size=len(rows),
+        moved=tanks,
+        counted=tanks,
+        criteria=criteria,
+        threshold=criteria.disc_margin,
+        axis=NEUTRAL * float(np.max(loop.plant.tank_frequency)),
+    )
+    grid = damping_levels(levels)
+    scan = search.from_above(grid, stop_short=True)
+    return supremum(
+        search.short(scan.growth, scan.margin) > 0.0,
+        grid,
+        search.lacking,
+        lambda low, high, k: search.margin_candidate(low, high, k, scan, grid)[1],
+    )
 
 
 def _reach(law: DampingLaw) -> float:

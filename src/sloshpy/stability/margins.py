@@ -21,7 +21,8 @@ RIGID = "rigid body"
 AUDIBLE = np.log(100.0)  # phase crossings beyond +-40 dB are no margins: undamped poles and zeros, wrapped delay
 DISTANT = 4.0  # minima of eq 24 beyond this are listed in data, not on the screen
 FOLLOWS = 0.3  # of a slosh frequency: below, a mass follows the body (its damper, at 10 %, gives 6 % of the force)
-RELATED_SHARE = 0.5  # a point belongs to a tank whose share is at least this part of the greatest
+# a point belongs to a tank whose share is at least this part of the greatest: a half, where rounding does not decide
+RELATED_SHARE = 0.5 * (1.0 - 1e-6)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,8 @@ from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
+from sloshpy.stability.damping_search import MOST_RATIO, supremum
 from sloshpy.stability.margins import loop_margins
-from sloshpy.stability.required_damping import MOST_RATIO, supremum
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:

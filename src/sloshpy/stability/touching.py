@@ -1,4 +1,4 @@
-"""The damping of one tank at which a loop's curve just touches: a level of eq 24, or the critical point itself.
+"""The level of damping at which a loop's curve just touches: a level of eq 24, or the critical point itself.
 
 Newton's method on the exact response from a start near by, many loops at once. Where it does not settle inside the
 bracket it says nan; what it finds is a candidate that its caller proves.
@@ -19,7 +19,7 @@ ROUNDS = 30
 SETTLED = 1e-11  # relative change of the damping in the last round; the frequency is worth its square root
 FINE = 1e-2  # of a resonance's relative width, which is about the damping: the spacing of the differences
 
-_Response = Callable[[Array, Array, IntArray], ComplexArray]  # of ln omega, ln damping and which of the loops
+_Loops = Callable[[Array, IntArray], Loop]  # at levels of damping > 0, and which of the loops
 
 
 def with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
@@ -31,27 +31,24 @@ def with_ratio(loop: Loop, index: IntArray, tank: int, ratio: Array) -> Loop:
 
 
 def touching_level(
-    loop: Loop, index: IntArray, tank: int, level: float, criteria: Criteria, start: tuple[Array, Array], ends: Array
+    loops: _Loops, threshold: float, criteria: Criteria, start: tuple[Array, Array], ends: Array
 ) -> tuple[Array, Array]:
-    """Return frequency, rad/s, and damping at which a minimum of eq 24 equals a level, (K,); nan where none is found.
+    """Return frequency, rad/s, and damping at which a minimum of eq 24 equals a threshold, (K,); nan if none is found.
 
     Args:
-        loop: one loop or a batch. index: (K,), which loops of the flattened batch.
-        tank: number of the tank whose damping is sought.
-        level: of eq 24.
+        loops: of damping and which of the K; a damping of one tank, or a level about as great as the damping it means.
+        threshold: of eq 24.
         criteria: gain and phase margin of eq 24.
         start: frequencies in rad/s and dampings, (K,) each.
         ends: (2, K), the dampings between which it must lie.
     """
 
-    response = _response(loop, index, tank)
-
     def squared(x: Array, y: Array, at: IntArray) -> Array:
-        L = response(x, y, at)
+        L = _response(loops, x, y, at)
         return nichols_disc_margin(L, criteria.gain_margin, criteria.phase_margin) ** 2
 
     def step(x: Array, y: Array, at: IntArray) -> tuple[Array, Array]:
-        """Solve D = level^2 and dD/dx = 0 for D = DM^2 by its values on a cross."""
+        """Solve D = threshold^2 and dD/dx = 0 for D = DM^2 by its values on a cross."""
         h = FINE * np.maximum(np.exp(y), 1e-6)
         k = np.full(len(y), 1e-4)
         dx, dy = (np.array(p) for p in zip(*[(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], strict=True))
@@ -61,20 +58,19 @@ def touching_level(
         D_xy = (D[:, 2, 2] - D[:, 2, 0] - D[:, 0, 2] + D[:, 0, 0]) / (4.0 * h * k)
         D_xx = np.where(D_xx > 0.0, D_xx, np.nan)  # no minimum here
         size = D_x * D_xy - D_y * D_xx
-        rest = level**2 - D[:, 1, 1]
+        rest = threshold**2 - D[:, 1, 1]
         return (rest * D_xy + D_x * D_y) / size, (-D_x * D_x - rest * D_xx) / size
 
     return _settled(step, start, ends)
 
 
-def touching_critical_point(loop: Loop, index: IntArray, tank: int, start: tuple[Array, Array], ends: Array) -> Array:
+def touching_critical_point(loops: _Loops, start: tuple[Array, Array], ends: Array) -> Array:
     """Return the damping at which L(j omega) = -1 for some frequency, (K,); nan where none is found."""
-    response = _response(loop, index, tank)
 
     def step(x: Array, y: Array, at: IntArray) -> tuple[Array, Array]:
         h = 1e-7  # relative; central differences of an analytic function, as in `nichols`
         off = np.array([0.0, h, -h, 0.0, 0.0])
-        L = response(x[:, None] + off, y[:, None] + off[[0, 3, 4, 1, 2]], at)
+        L = _response(loops, x[:, None] + off, y[:, None] + off[[0, 3, 4, 1, 2]], at)
         L_x, L_y, rest = (L[:, 1] - L[:, 2]) / (2.0 * h), (L[:, 3] - L[:, 4]) / (2.0 * h), -1.0 - L[:, 0]
         size = (np.conj(L_x) * L_y).imag
         return -(np.conj(L_y) * rest).imag / size, (np.conj(L_x) * rest).imag / size
@@ -82,12 +78,10 @@ def touching_critical_point(loop: Loop, index: IntArray, tank: int, start: tuple
     return _settled(step, start, ends)[1]
 
 
-def _response(loop: Loop, index: IntArray, tank: int) -> _Response:
-    def response(x: Array, y: Array, at: IntArray) -> ComplexArray:
-        rows = np.broadcast_to(index[at].reshape(-1, *np.ones(x.ndim - 1, dtype=int)), x.shape)
-        return transfer(with_ratio(loop, rows, tank, np.exp(y)), 1j * np.exp(x)).loop
-
-    return response
+def _response(loops: _Loops, x: Array, y: Array, at: IntArray) -> ComplexArray:
+    """Return L at ln omega and ln damping, the first axis of both that of `at`."""
+    which = np.broadcast_to(at.reshape(-1, *np.ones(x.ndim - 1, dtype=int)), x.shape)
+    return transfer(loops(np.exp(y), which), 1j * np.exp(x)).loop
 
 
 def _settled(
