@@ -40,7 +40,7 @@ def damping_levels(count: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Shown:
+class _Shown:
     """What loops show at some levels: growth in 1/s, the least distance that counts, where in rad/s."""
 
     growth: Array
@@ -67,14 +67,45 @@ class DampingSearch:
     threshold: float
     axis: float
 
-    def margin(self, level: Array, index: IntArray) -> Shown:
+    def suprema(self, grid: Array) -> tuple[Array, Array, Array]:
+        """Return for each loop the level above which it is stable, that above which it is good, and where, (size,).
+
+        0 where every level is, nan where the highest of the grid is not. Where: the frequency of the least minimum that
+        counts at the second, rad/s; nan where there is none.
+        """
+        scan = self._from_above(grid)
+        neutral = _supremum(scan.growth >= self.axis, grid, self._growing, self._neutral_candidate)
+        omega = np.full(self.size, np.nan)
+
+        def candidate(low: Array, high: Array, index: IntArray) -> Array:
+            at, level = self._margin_candidate(low, high, index, scan, grid)
+            omega[index] = self._least_beside(at, level, index)
+            return level
+
+        good = _supremum(self._short(scan.growth, scan.margin) > 0.0, grid, self._lacking, candidate)
+        known = np.flatnonzero(np.isfinite(good) & np.isnan(omega))
+        if len(known):
+            omega[known] = self._shown(good[known], known).omega
+        return neutral, good, omega
+
+    def good_from(self, grid: Array) -> Array:
+        """Return for each loop the level above which it is good alone, (size,)."""
+        scan = self._from_above(grid, stop_short=True)
+        return _supremum(
+            self._short(scan.growth, scan.margin) > 0.0,
+            grid,
+            self._lacking,
+            lambda low, high, index: self._margin_candidate(low, high, index, scan, grid)[1],
+        )
+
+    def _shown(self, level: Array, index: IntArray) -> _Shown:
         """Return what loops show at levels (K,).
 
         A plant of one tank on a rigid vehicle costs next to nothing; a larger one is solved once for all its levels,
         unless many plants have few each.
         """
         one = self.at(level, index)
-        found = Shown(*(np.empty(len(level)) for _ in range(3)))
+        found = _Shown(*(np.empty(len(level)) for _ in range(3)))
         size = np.bincount(index)[index]
         few = size <= FEW
         if np.sum(few) < MANY:
@@ -91,51 +122,51 @@ class DampingSearch:
             found.growth[k], found.margin[k], found.omega[k] = part.growth, part.margin, part.omega
         return found
 
-    def _counted(self, found: Margins, level: Array) -> Shown:
+    def _counted(self, found: Margins, level: Array) -> _Shown:
         margin, omega = found.slosh_disc_margin(*self.counted)
         if self.shared_with:
             more, at = found.slosh_disc_margin(*self.shared_with)
             nearer = (np.abs(more) < np.abs(margin)) & (level <= self.until)[..., None]
             margin, omega = np.where(nearer, more, margin), np.where(nearer, at, omega)
-        return Shown(growth=found.growth[..., 0], margin=np.abs(margin[..., 0]), omega=omega[..., 0])
+        return _Shown(growth=found.growth[..., 0], margin=np.abs(margin[..., 0]), omega=omega[..., 0])
 
-    def growing(self, level: Array, index: IntArray) -> Array:
+    def _growing(self, level: Array, index: IntArray) -> Array:
         """Return the growth beyond `axis`, 1/s."""
         return greatest_growth(self.at(level, index)) - self.axis
 
-    def short(self, growth: Array, margin: Array) -> Array:
+    def _short(self, growth: Array, margin: Array) -> Array:
         """Return how far a margin is below the threshold; all of the threshold where the loop grows."""
         # inf where no minimum counts
         return np.where(growth < self.axis, np.maximum(self.threshold - margin, -1e3), self.threshold)
 
-    def lacking(self, level: Array, index: IntArray) -> Array:
+    def _lacking(self, level: Array, index: IntArray) -> Array:
         """Return how far the margin is below the threshold."""
-        found = self.margin(level, index)
-        return self.short(found.growth, found.margin)
+        found = self._shown(level, index)
+        return self._short(found.growth, found.margin)
 
-    def from_above(self, grid: Array, stop_short: bool = False) -> Shown:
+    def _from_above(self, grid: Array, stop_short: bool = False) -> _Shown:
         """Return what every loop shows on rising levels, (size, levels), asked from the highest down.
 
         Below the level where a loop is found unstable nothing is asked any more: it grows without end there.
         stop_short: nor below one where its margin is short, where that alone is wanted.
         """
         shape = (self.size, len(grid))
-        scan = Shown(growth=np.full(shape, np.inf), margin=np.zeros(shape), omega=np.full(shape, np.nan))
+        scan = _Shown(growth=np.full(shape, np.inf), margin=np.zeros(shape), omega=np.full(shape, np.nan))
         rows, top = np.arange(shape[0]), shape[1]
         while top > 0 and len(rows):
             some = np.arange(max(0, top - BLOCK), top)
             index, level = np.repeat(rows, len(some)), np.tile(grid[some], len(rows))
-            found, at = self.margin(level, index), (index, np.tile(some, len(rows)))
+            found, at = self._shown(level, index), (index, np.tile(some, len(rows)))
             scan.growth[at], scan.margin[at], scan.omega[at] = found.growth, found.margin, found.omega
             last = found.growth >= self.axis
             if stop_short:
-                last |= self.short(found.growth, found.margin) > 0.0
+                last |= self._short(found.growth, found.margin) > 0.0
             rows = rows[~np.any(last.reshape(len(rows), len(some)), axis=1)]
             top = int(some[0])
         return scan
 
-    def margin_candidate(
-        self, low: Array, high: Array, index: IntArray, scan: Shown, grid: Array
+    def _margin_candidate(
+        self, low: Array, high: Array, index: IntArray, scan: _Shown, grid: Array
     ) -> tuple[Array, Array]:
         """Return frequency and level at which the least minimum reaches the threshold between two levels of a scan.
 
@@ -151,9 +182,9 @@ class DampingSearch:
         at, level = touching_level(
             lambda y, k: self.at(y, index[k]), self.threshold, self.criteria, start, np.array([low, high])
         )
-        return at, self._proved(self.lacking, level, PROOF * level, index)
+        return at, self._proved(self._lacking, level, PROOF * level, index)
 
-    def least_beside(self, omega: Array, level: Array, index: IntArray) -> Array:
+    def _least_beside(self, omega: Array, level: Array, index: IntArray) -> Array:
         """Return where the minimum beside a frequency lies at a level, rad/s; nan where there is none.
 
         Its value hardly depends on where, the gain and the phase that lead from there to the critical point do.
@@ -171,7 +202,7 @@ class DampingSearch:
             found[known] = least_in(squared, (w / aside, w, w * aside), np.arange(len(known)))[0]
         return found
 
-    def neutral_candidate(self, low: Array, high: Array, index: IntArray) -> Array:
+    def _neutral_candidate(self, low: Array, high: Array, index: IntArray) -> Array:
         """Return where a pole crosses the imaginary axis between two levels; nan where that is not proved."""
         poles = closed_loop_eigenvalues(self.at(np.concatenate([low, high]), np.tile(index, 2)))
         poles = poles.reshape(2, len(index), -1)
@@ -180,7 +211,7 @@ class DampingSearch:
         share = np.clip(pole[0].real / (pole[0].real - pole[1].real), 0.05, 0.95)
         start = np.maximum((1.0 - share) * pole[0].imag + share * pole[1].imag, 1e-300), _between(low, high, share)
         level = touching_critical_point(lambda y, k: self.at(y, index[k]), start, np.array([low, high]))
-        return self._proved(self.growing, level, PROOF * level + 10.0 * NEUTRAL, index)
+        return self._proved(self._growing, level, PROOF * level + 10.0 * NEUTRAL, index)
 
     def _proved(self, function: Any, level: Array, apart: Array, index: IntArray) -> Array:
         """Return the levels just below which the function is positive and just above which it is not, else nan."""
@@ -198,7 +229,7 @@ def _between(low: Array, high: Array, share: Array) -> Array:
     return np.where(low > 0.0, np.maximum(low, 1e-300) ** (1.0 - share) * high**share, share * high)
 
 
-def supremum(bad: BoolArray, grid: Array, function: Any, candidate: Any = None) -> Array:
+def _supremum(bad: BoolArray, grid: Array, function: Any, candidate: Any = None) -> Array:
     """Return the greatest level that is bad, refined between the last bad level and the next; 0 if none, nan if all.
 
     Args:

@@ -10,7 +10,7 @@ from sloshpy.damping import DampingLaw
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.dynamics.response import transfer
-from sloshpy.stability.damping_search import LEVELS, MOST_RATIO, DampingSearch, damping_levels, supremum
+from sloshpy.stability.damping_search import LEVELS, MOST_RATIO, DampingSearch, damping_levels
 from sloshpy.stability.margins import loop_margins
 from sloshpy.stability.nichols import nichols_disc_margin
 from sloshpy.stability.required_damping import RequiredDamping, loop_required_damping
@@ -80,14 +80,7 @@ def _least_level(
         threshold=criteria.disc_margin,
         axis=NEUTRAL * float(np.max(loop.plant.tank_frequency)),
     )
-    grid = damping_levels(levels)
-    scan = search.from_above(grid, stop_short=True)
-    return supremum(
-        search.short(scan.growth, scan.margin) > 0.0,
-        grid,
-        search.lacking,
-        lambda low, high, k: search.margin_candidate(low, high, k, scan, grid)[1],
-    )
+    return search.good_from(damping_levels(levels))
 
 
 def _reach(law: DampingLaw) -> float:

@@ -9,9 +9,9 @@ from sloshpy.case import Case, Criteria
 from sloshpy.dynamics.growth import greatest_growth
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
-from sloshpy.stability.damping_search import LEVELS, MOST_RATIO, DampingSearch, damping_levels, supremum
+from sloshpy.stability.damping_search import LEVELS, MOST_RATIO, DampingSearch, damping_levels
 from sloshpy.stability.touching import with_ratio
-from sloshpy.units import Array, IntArray
+from sloshpy.units import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -119,7 +119,6 @@ def loop_required_damping(
         return RequiredDamping(
             tank=loop.plant.tanks[tank], neutral=none, required=none, omega=none, disc_margin=disc_margin, source=loop
         )
-    grid = damping_levels(levels)
     search = DampingSearch(
         at=lambda ratio, index: with_ratio(loop, index, tank, ratio),
         size=size,
@@ -131,19 +130,7 @@ def loop_required_damping(
         threshold=disc_margin,
         axis=axis,
     )
-    scan = search.from_above(grid)
-    neutral = supremum(scan.growth >= axis, grid, search.growing, search.neutral_candidate)
-    omega = np.full(size, np.nan)
-
-    def candidate(low: Array, high: Array, index: IntArray) -> Array:
-        at, ratio = search.margin_candidate(low, high, index, scan, grid)
-        omega[index] = search.least_beside(at, ratio, index)
-        return ratio
-
-    required = supremum(search.short(scan.growth, scan.margin) > 0.0, grid, search.lacking, candidate)
-    known = np.flatnonzero(np.isfinite(required) & np.isnan(omega))
-    if len(known):
-        omega[known] = search.margin(required[known], known).omega
+    neutral, required, omega = search.suprema(damping_levels(levels))
     return RequiredDamping(
         tank=loop.plant.tanks[tank],
         neutral=neutral.reshape(batch),

@@ -1,6 +1,6 @@
 """Least common scale of the tanks' damping: how much more of the same all tanks need together."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,14 +9,11 @@ from sloshpy.batch import single
 from sloshpy.case import Case
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import NEUTRAL
-from sloshpy.stability.damping_search import MOST_RATIO, supremum
-from sloshpy.stability.margins import loop_margins
+from sloshpy.stability.damping_search import LEVELS, DampingSearch, damping_levels
 from sloshpy.units import Array, Real
 
 if TYPE_CHECKING:
     import xarray as xr
-
-LEVELS = 81  # scales tried, from a ten-thousandth of the greatest on, in steps of an eighth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,28 +70,23 @@ def required_scale(case: Case, damping: Real | None = None, amplitude: Real | No
     given = open_loop(case, damping, amplitude)
     if not np.any(given.damping > 0.0):
         raise ValueError("no tank has any damping there to scale; name an amplitude")
-    axis = NEUTRAL * float(np.max(given.plant.tank_frequency))
-    most = MOST_RATIO / float(np.max(given.damping))
-    grid = np.concatenate([[0.0], most * np.geomspace(1e-4, 1.0, LEVELS - 1)])
-    threshold = case.criteria.disc_margin
-
-    def short(scale: Array) -> tuple[Array, Array]:
-        """Return growth beyond neutral and what the least slosh-related disc margin lacks, (K,)."""
-        found = loop_margins(open_loop(case, scale[:, None] * given.damping), case.criteria, crossings=False)
-        least = np.abs(found.slosh_disc_margin(*range(len(case.vehicle.tanks)))[0])
-        return found.growth - axis, np.where(np.isinf(least), -1.0, threshold - least)
-
-    def lacking(scale: Array, _: object) -> Array:
-        growth, lack = short(scale)
-        return np.where(growth < 0.0, lack, np.maximum(np.abs(lack), threshold))
-
-    growth, lack = short(grid)
-    neutral = supremum((growth >= 0.0)[None], grid, lambda scale, _: short(scale)[0])[0]
-    scale = supremum(((growth >= 0.0) | (lack > 0.0))[None], grid, lacking)[0]
+    greatest = float(np.max(given.damping))  # a level is the damping ratio of the tank that is damped most
+    every = tuple(range(len(given.plant.tanks)))
+    search = DampingSearch(
+        at=lambda level, _: replace(given, damping=level[..., None] * given.damping / greatest),
+        size=1,
+        moved=every,
+        counted=every,
+        criteria=case.criteria,
+        threshold=case.criteria.disc_margin,
+        axis=NEUTRAL * float(np.max(given.plant.tank_frequency)),
+    )
+    neutral, level, _ = (float(x[0]) for x in search.suprema(damping_levels(LEVELS)))
+    scale = level / greatest
     return RequiredScale(
-        scale=float(scale),
-        neutral=float(neutral),
+        scale=scale,
+        neutral=neutral / greatest,
         damping=np.asarray(scale * given.damping),
-        disc_margin=threshold,
+        disc_margin=case.criteria.disc_margin,
         source=given,
     )
