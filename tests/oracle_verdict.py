@@ -161,6 +161,38 @@ def is_cycle(case, cycle, pilot):
     )
 
 
+def joint_is_right(case, joint, expect, tally):
+    """Whether the laws, read at one common amplitude, give these dampings, are good from there on and not below."""
+    laws = [t.damping for t in case.vehicle.tanks]
+    every = range(len(laws))
+    if len(laws) < 2:
+        expect("joint damping", joint == [0.0])
+        return
+    most = max(law_amplitude(law, MOST) for law in laws)
+    read = [law_amplitude(law, xi) for law, xi in zip(laws, joint, strict=True) if xi < MOST]
+
+    def at(amplitude):
+        return np.minimum([law.slope * amplitude**law.exponent for law in laws], MOST)
+
+    def verdict(amplitude, slack):
+        return good(case, at(amplitude), every, slack)
+
+    if not read:  # at the amplitude at which every law gives the most
+        expect("no joint damping suffices", verdict(0.98 * most, 1e-4) is not True or verdict(most, 1e-4) is not True)
+        return
+    a = read[0]
+    expect("joint damping", np.allclose(at(a), joint, rtol=1e-9, atol=0.0))
+    for amplitude in np.geomspace(max(1.02 * a, 1e-4 * most), most, 7):
+        expect("joint good above", verdict(amplitude, 1e-4) is not False)
+    if a > 0.0:
+        inside = minima(case, at(a), below=case.criteria.disc_margin + 0.05)
+        reached = any(abs(value - case.criteria.disc_margin) < 1e-6 for _, value in inside)
+        beside = 1e-3 if reached else 2e-2
+        tally["joint margin reached to 1e-6" if reached else "joint stability or the end of a minimum"] += 1
+        expect("joint good just above", verdict(a * (1 + beside), 1e-6) is not False)
+        expect("joint bad just below", max(joint) < 1e-8 or verdict(a * (1 - beside), 1e-9) is not True)
+
+
 def compare(case, review, joint, tally):
     """Compare the JSON of an assessment with the equations; return the complaints, count what was checked in `tally`.
 
@@ -173,6 +205,7 @@ def compare(case, review, joint, tally):
         if not true:
             bad.append(what)
 
+    joint_is_right(case, joint, expect, tally)
     small = np.zeros(n)  # power laws damp nothing
     expect("stable", review["stable"] == second.stable(second.second_order(case.vehicle, small), case.autopilot))
     listed = [(2 * np.pi * m["frequency_hz"], m["disc_margin"]) for m in review["minima"]]
