@@ -169,7 +169,7 @@ def joint_is_right(case, joint, expect, tally):
         expect("joint damping", joint == [0.0])
         return
     most = max(law_amplitude(law, MOST) for law in laws)
-    read = [law_amplitude(law, xi) for law, xi in zip(laws, joint, strict=True) if xi < MOST]
+    read = [law_amplitude(law, xi) for law, xi in zip(laws, joint, strict=True) if xi < MOST * (1 - 1e-9)]
 
     def at(amplitude):
         return np.minimum([law.slope * amplitude**law.exponent for law in laws], MOST)
