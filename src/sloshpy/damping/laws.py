@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # Above this a "damping ratio" is a percentage, a log decrement or 2 xi; it is a factor 3 above any baffle.
 MOST_DAMPING = 0.3
+ROUNDING = 1e-6  # relative: to more digits no damping is known, and a required one is not found
 _HINT = 'a damping ratio above 0.3 is not slosh; a percentage is written "4.8 %"'
 
 
@@ -55,6 +56,12 @@ class DampingLaw(Protocol):
         Where the law gives it already at its smallest amplitude, that amplitude is returned; where a constant never
         gives it, inf; where tested data do not reach it, nan.
         """
+
+
+def _attained(ratio: Real, most: float) -> Array:
+    """Return damping ratios, those that a law gives at most but for rounding as what it gives."""
+    ratio = np.asarray(ratio, dtype=float)
+    return np.where((ratio > most) & (ratio <= most * (1.0 + ROUNDING)), most, ratio)
 
 
 class _Law(BaseModel):
@@ -90,7 +97,7 @@ class ConstantDamping(_Law):
         return lambda v: -d * v
 
     def amplitude(self, ratio: Real) -> Array:
-        return np.where(np.asarray(ratio) <= self.constant_ratio, 0.0, np.inf)
+        return np.where(_attained(ratio, self.constant_ratio) <= self.constant_ratio, 0.0, np.inf)
 
 
 class PowerDamping(_Law):
@@ -161,8 +168,11 @@ class PowerDamping(_Law):
         return (lambda v: -c * abs(v) * v) if p == 1.0 else (lambda v: -c * abs(v) ** p * v)
 
     def amplitude(self, ratio: Real) -> Array:
-        A = np.asarray((np.asarray(ratio, dtype=float) / self.slope) ** (1.0 / self.exponent))
-        return A if self.holds_to is None else np.where(self.holds_to >= A, A, np.nan)
+        if self.holds_to is None:
+            return np.asarray((np.asarray(ratio, dtype=float) / self.slope) ** (1.0 / self.exponent))
+        most = float(self.ratio(self.holds_to))
+        ratio = _attained(ratio, most)
+        return np.where(ratio <= most, np.minimum((ratio / self.slope) ** (1.0 / self.exponent), self.holds_to), np.nan)
 
 
 class TableDamping(_Law):
@@ -266,6 +276,7 @@ class TableDamping(_Law):
         return np.asarray(np.vectorize(self._amplitude, otypes=[float])(ratio))
 
     def _amplitude(self, ratio: float) -> float:
+        ratio = float(_attained(ratio, self.tested_ratio[-1]))
         if self.tested_ratio[-1] < ratio:
             return np.nan
         roots = self._curve.solve(ratio, extrapolate=False)
@@ -319,12 +330,14 @@ class SumDamping(_Law):
         low, high = self.smallest_amplitude, self.largest_amplitude
         if np.isinf(high):
             if all(isinstance(law, ConstantDamping) for law in self.of):
-                return 0.0 if float(self.ratio(0.0)) >= ratio else np.inf
+                return 0.0 if float(self.ratio(0.0)) >= _attained(ratio, float(self.ratio(0.0))) else np.inf
             high = 1.0
             while float(self.ratio(high)) < ratio:  # a power law grows without bound, so this ends
                 high *= 2.0
-        elif float(self.ratio(high)) < ratio:
-            return np.nan
+        else:
+            ratio = float(_attained(ratio, float(self.ratio(high))))
+            if float(self.ratio(high)) < ratio:
+                return np.nan
         knots = [law.tested_amplitude for law in self.of if isinstance(law, TableDamping)]
         A = np.unique(np.clip(np.concatenate([np.linspace(low, high, 513), *knots]), low, high))
         short = np.flatnonzero(self.ratio(A) < ratio)

@@ -29,7 +29,7 @@ MANY = 7  # where so many loops are worked on together instead
 SMALL = 2  # coordinates of a plant whose response is a formula
 BLOCK = 19  # of them at a time, from above
 NARROW = 0.1  # of a resonance's relative width, which is about the damping: where a minimum is sought once more
-PROOF = 1e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
+PROOF = 5e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
 
 
 def damping_levels(count: int) -> Array:
@@ -54,7 +54,8 @@ class DampingSearch:
 
     at: loops at levels, of (level, index) with the index counting loops from 0 to `size` - 1. moved: numbers of the
     tanks that a level damps, others stay. counted: those whose minima count. shared_with, until: more of them, up to a
-    level. axis: growth that counts as none, 1/s.
+    level. axis: growth that counts as none, 1/s. slack: relative, by which a margin may miss the threshold.
+    proof: relative, how far on both sides of a level the verdict is asked.
     """
 
     at: Callable[[Array, IntArray], Loop]
@@ -66,6 +67,8 @@ class DampingSearch:
     criteria: Criteria
     threshold: float
     axis: float
+    slack: float = 0.0
+    proof: float = PROOF
 
     def suprema(self, grid: Array) -> tuple[Array, Array, Array]:
         """Return for each loop the level above which it is stable, that above which it is good, and where, (size,).
@@ -137,7 +140,8 @@ class DampingSearch:
     def _short(self, growth: Array, margin: Array) -> Array:
         """Return how far a margin is below the threshold; all of the threshold where the loop grows."""
         # inf where no minimum counts
-        return np.where(growth < self.axis, np.maximum(self.threshold - margin, -1e3), self.threshold)
+        lacks = self.threshold * (1.0 - self.slack) - margin
+        return np.where(growth < self.axis, np.maximum(lacks, -1e3), self.threshold)
 
     def _lacking(self, level: Array, index: IntArray) -> Array:
         """Return how far the margin is below the threshold."""
@@ -182,7 +186,7 @@ class DampingSearch:
         at, level = touching_level(
             lambda y, k: self.at(y, index[k]), self.threshold, self.criteria, start, np.array([low, high])
         )
-        return at, self._proved(self._lacking, level, PROOF * level, index)
+        return at, self._proved(self._lacking, level, self.proof * level, index)
 
     def _least_beside(self, omega: Array, level: Array, index: IntArray) -> Array:
         """Return where the minimum beside a frequency lies at a level, rad/s; nan where there is none.
@@ -211,7 +215,7 @@ class DampingSearch:
         share = np.clip(pole[0].real / (pole[0].real - pole[1].real), 0.05, 0.95)
         start = np.maximum((1.0 - share) * pole[0].imag + share * pole[1].imag, 1e-300), _between(low, high, share)
         level = touching_critical_point(lambda y, k: self.at(y, index[k]), start, np.array([low, high]))
-        return self._proved(self._growing, level, PROOF * level + 10.0 * NEUTRAL, index)
+        return self._proved(self._growing, level, self.proof * level + 10.0 * NEUTRAL, index)
 
     def _proved(self, function: Any, level: Array, apart: Array, index: IntArray) -> Array:
         """Return the levels just below which the function is positive and just above which it is not, else nan."""

@@ -19,6 +19,7 @@ from sloshpy.units import Array, BoolArray, IntArray
 
 SHORT = 1e-3  # relative: far more than the search leaves of a disc margin that is reached
 NOTICED = 1e-2  # relative: by how much another tank falls short of the disc margin before it asks more of a tank
+EXACT = 1e-10  # relative: so near to the damping that is needed together, for no tank is to be short there
 BESIDE = 1e-6  # relative: a damping just above a requirement
 
 
@@ -79,6 +80,7 @@ def _least_level(
         criteria=criteria,
         threshold=criteria.disc_margin,
         axis=NEUTRAL * float(np.max(loop.plant.tank_frequency)),
+        proof=EXACT,
     )
     return search.good_from(damping_levels(levels))
 

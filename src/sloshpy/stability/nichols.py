@@ -28,6 +28,9 @@ def nichols_disc_margin(loop: ComplexArray, gain_margin: Real, phase_margin: Rea
     return np.asarray(np.sqrt(gain * gain + phase * phase))
 
 
+FAR = np.log(1e4)  # of ln |L|: beyond +-80 dB nothing is a margin
+
+
 @dataclass(frozen=True, kw_only=True)
 class Curves:
     """Loop responses of a flattened batch, sorted by loop and then by frequency.
@@ -49,7 +52,8 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
 
     Frequencies start from the poles and zeros of the loop, open and closed, in steps of their own half-width. Then
     every piece whose ends lie farther apart in the normalised Nichols plane than a fraction of their distance to the
-    critical point is halved, until none is left; last, every piece in which a crossing or a minimum may hide.
+    critical point is halved, until none is left; last, every piece in which a crossing or a minimum may hide. Beyond
+    `FAR` no one looks: at the rounded poles of a drifting vehicle, at the origin, L is nothing but rounding.
     """
     index, omega = placed(loop)
     response = transfer(loop.take(index), 1j * omega).loop
@@ -67,7 +71,9 @@ def sampled(loop: Loop, gain_margin: float, phase_margin: float) -> Curves:
     slope = _log_slope(loop, curves)
     among = np.arange(len(curves.omega) - 1)
     for _ in range(16):
-        valley = valley_samples(nichols_disc_margin(curves.loop, gain_margin, phase_margin), curves.index)
+        distance = nichols_disc_margin(curves.loop, gain_margin, phase_margin)
+        near, valley = np.abs(np.log(np.abs(curves.loop))) <= FAR, valley_samples(distance, curves.index)
+        among = among[near[among] | near[among + 1]]
         k, middle = hidden_pieces(loop, curves, slope, valley, among, gain_margin, phase_margin)
         if len(k) == 0:
             break

@@ -16,6 +16,9 @@ from sloshpy.units import Array
 if TYPE_CHECKING:
     import xarray as xr
 
+# relative: where the other tanks are held, all just meet the margin, or are just stable: there rounding lacks nothing
+SLACK = 3e-9
+
 
 @dataclass(frozen=True, kw_only=True)
 class RequiredDamping:
@@ -128,7 +131,8 @@ def loop_required_damping(
         shared_with=shared_with,
         until=until,
         threshold=disc_margin,
-        axis=axis,
+        axis=2.0 * axis,
+        slack=SLACK,
     )
     neutral, required, omega = search.suprema(damping_levels(levels))
     return RequiredDamping(
