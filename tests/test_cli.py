@@ -97,6 +97,12 @@ def test_a_command_prints_and_draws_beside_the_case(run, case, words):
     assert len(out.splitlines()) >= 3
 
 
+def test_one_tank_and_all_of_them_exclude_each_other(run, case):
+    status, _, err = run("danger-zone", case, "--all", "--tank", "LOX")
+    assert status == 2
+    assert "exclude each other" in err
+
+
 @pytest.mark.parametrize(("suffix", "start"), [("svg", b"<?xml"), ("pdf", b"%PDF"), ("png", b"\x89PNG")])
 def test_the_suffix_chooses_the_format(run, case, suffix, start):
     status, _, _ = run("limit-cycle", case, "-o", case.with_name(f"figure.{suffix}"))

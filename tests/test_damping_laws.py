@@ -174,3 +174,12 @@ def test_force_of_a_growing_table_is_odd_and_dissipative(steps, gains, w):
     force = law.acceleration(v, w)
     assert np.all(force * v <= 0)
     np.testing.assert_allclose(force, -force[::-1], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["constant", "limited", "table", "sum"])
+def test_what_a_law_gives_at_most_it_gives_whatever_the_rounding(name):
+    law = LAWS[name]
+    end = 0.0 if name == "constant" else law.largest_amplitude
+    most = float(law.ratio(end))
+    assert [float(law.amplitude(most * f)) for f in (1.0 - 1e-9, 1.0, 1.0 + 1e-9)] == pytest.approx([end] * 3, rel=1e-6)
+    assert not np.isfinite(law.amplitude(most * (1.0 + 1e-5)))

@@ -6,7 +6,7 @@ import numpy as np
 
 from sloshpy.assess.assessment import TankReview
 from sloshpy.case import Case
-from sloshpy.damping.validity import words_on_radius
+from sloshpy.damping.validity import NO_RADIUS, words_on_radius
 from sloshpy.dynamics import Poles
 from sloshpy.dynamics.poles import NEUTRAL
 from sloshpy.limit_cycle import Cycle
@@ -45,8 +45,7 @@ def judge(
     _judge_tanks(all_, case, tanks)
     for one in cycles or ():
         if one.stable:
-            far = one.on_radius(case).items()
-            all_.invalid.extend(f"as given, {name}: {words}" for name, (words, beyond) in far if beyond)
+            _judge_radius(all_, case, one, tanks)
         if one.stable and one.tvc_amplitude > case.criteria.tvc_amplitude:
             limit = np.degrees(case.criteria.tvc_amplitude)
             all_.failed.append(f"the loop as given has a {one}, more than {limit:.3g} deg")
@@ -130,6 +129,18 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
                 f"caution: {mass.name}: the damping data start at {mass.damping.smallest_amplitude:g} m; "
                 "the loop at small amplitude was read there"
             )
+
+
+def _judge_radius(all_: _Findings, case: Case, cycle: Cycle, tanks: tuple[TankReview, ...]) -> None:
+    """Hold every tank to its radius in a cycle of the loop as given."""
+    for name, (words, beyond) in cycle.on_radius(case).items():
+        if beyond:
+            all_.invalid.append(f"as given, {name}: {words}")
+        elif words:
+            all_.cautions.append(f"as given, {name}: caution: {words}")
+    for mass, tank in zip(case.vehicle.tanks, tanks, strict=True):
+        if mass.radius is None and not any(NO_RADIUS in reason for reason in tank.limit_cycle.reasons):
+            all_.cautions.append(f"as given, {tank.name}: {NO_RADIUS}")
 
 
 def _judge_coupled(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:

@@ -17,6 +17,7 @@ from sloshpy.cli.options import (
     dampings_of,
     figure_path,
     read_at,
+    refused,
     save,
     tank_of,
 )
@@ -97,6 +98,8 @@ def danger_zone(
     from sloshpy import plots  # matplotlib: only when something is drawn
 
     read, path = read_case(case), figure_path(case, output, "danger-zone")
+    if every and tank is not None:
+        raise refused("--all", "", "and --tank exclude each other", "give one of them")
     if every:
         maps = [required_damping_map(read, j) for j in range(len(read.vehicle.tanks))]
         print("\n".join(str(one) for one in maps))

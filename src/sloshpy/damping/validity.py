@@ -7,6 +7,8 @@ NO_MODEL_SHARE_OF_RADIUS = 0.5  # at half the radius the wave at the wall is as 
 _NO_MODEL = "no spring-mass describes that"
 _LESS_VALID = "the spring-mass model is less valid beyond 10-15 %"
 
+NO_RADIUS = "not checked: slosh amplitude against the tank radius, of which 10-15 % is valid (none is given)"
+
 
 def words_on_radius(amplitude: float, radius: float) -> tuple[str, bool]:
     """Return what to say of a slosh amplitude in a tank, m each, and whether no model holds; "" where it is small."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from sloshpy.batch import single
 from sloshpy.case import Case, Criteria
-from sloshpy.damping.validity import words_on_radius
+from sloshpy.damping.validity import NO_RADIUS, words_on_radius
 from sloshpy.dynamics.growth import greatest_growth, is_stable
 from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.poles import closed_loop_poles
@@ -47,13 +47,14 @@ def predict_limit_cycle(case: Case, tank: int | str = 0, others: Array | None = 
     together = joint_required_damping(loop, criteria, tank, criteria.disc_margin)
     required, threshold, ends = _step_two(together, criteria)
     mass = case.vehicle.tanks[tank]
-    nothing = _nothing_to_find(case, tank, required, together)
+    nothing = _nothing_to_find(case, tank, required, together, ends)
     if nothing is not None:
         return nothing
     band = slosh_band(threshold, criteria, *required.counted)  # step 3
     if ends or not band.size:
         own = required if together.own is None else together.own
-        return _without(case, tank, own, None, _why_no_band(own, criteria), together)
+        asked = f"; {_asked(together)}" if together.shared_with else ""
+        return _without(case, tank, own, None, _why_no_band(own, criteria) + asked, together)
     xi = float(required.required)
     amplitude = float(mass.damping.amplitude(xi))  # at the slosh frequency
     omega = float(required.omega)
@@ -157,7 +158,9 @@ def _hands_over(own: RequiredDamping, together: RequiredDamping, criteria: Crite
     return bool(np.any(found.related(*others) & (found.minima.omega == omega)))
 
 
-def _nothing_to_find(case: Case, tank: int, required: RequiredDamping, together: RequiredDamping) -> LimitCycle | None:
+def _nothing_to_find(
+    case: Case, tank: int, required: RequiredDamping, together: RequiredDamping, ends: bool
+) -> LimitCycle | None:
     """Return the answer where no amplitude gives the required damping, or none has to; else None."""
     xi, mass = float(required.required), case.vehicle.tanks[tank]
 
@@ -168,7 +171,8 @@ def _nothing_to_find(case: Case, tank: int, required: RequiredDamping, together:
         return answer(False, _why_none(case, required.source, tank))
     amplitude = float(mass.damping.amplitude(xi)) if xi > 0.0 else 0.0  # at the slosh frequency
     if np.isinf(amplitude):
-        return answer(False, f"its damping stays below the required {100 * xi:.4g} % at every amplitude")
+        why = f"; {_why_no_band(required, case.criteria)}" if ends else ""
+        return answer(False, f"its damping stays below the required {100 * xi:.4g} % at every amplitude{why}")
     if amplitude != 0.0:
         return None
     if xi == 0.0:
@@ -179,10 +183,14 @@ def _nothing_to_find(case: Case, tank: int, required: RequiredDamping, together:
         enough = f"its damping is at least the required {100 * xi:.4g} % at every amplitude"
     if not together.shared_with or required is together:
         return answer(True, enough)
-    asked = f"{', '.join(together.shared_with)} asks for {100 * float(together.required):.4g} %"
+    asked = _asked(together)
     if not np.isfinite(mass.damping.amplitude(float(together.required))):
         return answer(None, f"{enough}; but {asked}, which its damping never reaches")
     return answer(True, f"{enough}; {asked}, and cycles with it")
+
+
+def _asked(together: RequiredDamping) -> str:
+    return f"{', '.join(together.shared_with)} asks for {100 * float(together.required):.4g} %"
 
 
 def _threshold(required: RequiredDamping, criteria: Criteria) -> tuple[Loop, bool]:
@@ -267,9 +275,7 @@ def _cautions(case: Case, tank: int, amplitude: float, consistent: float) -> lis
     if amplitude <= mass.damping.smallest_amplitude:
         cautions.append(f"caution: an upper bound, since the damping data start at {amplitude:g} m and suffice there")
     if mass.radius is None and np.isfinite(consistent):
-        cautions.append(
-            "not checked: slosh amplitude against the tank radius, of which 10-15 % is valid (none is given)"
-        )
+        cautions.append(NO_RADIUS)
     elif mass.radius is not None:
         words, beyond = words_on_radius(consistent, float(mass.radius))
         if words and not beyond:

@@ -54,7 +54,14 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
         mark_line(ax, float(vehicle.cg) - float(zone.forward), "centre of percussion", vertical=True, at=0.88)
         text = f"aft bound{'s' if len(bounds) > 1 else ''} (eq 23)"
         ax.annotate(
-            text, (max(bounds), 1.2 * top), (5, 0), textcoords="offset points", fontsize=SMALL, ha="left", va="center"
+            text,
+            (max(bounds), 1.2 * top),
+            (5, 0),
+            textcoords="offset points",
+            fontsize=SMALL,
+            ha="left",
+            va="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
         )
     ax.legend(loc="upper right", fontsize=SMALL)
     label = "Station of the slosh mass, forward of the gimbal [m]"

@@ -14,6 +14,7 @@ from sloshpy.dynamics.loop import Loop, open_loop
 from sloshpy.dynamics.plant import state_space
 from sloshpy.dynamics.sensed import bordering_row
 from sloshpy.errors import OutsideValidity
+from sloshpy.stability.damping_search import MOST_RATIO
 from sloshpy.stability.joint_damping import joint_damping, joint_required_damping
 from sloshpy.units import Array, IntArray, Real
 from sloshpy.vehicle import Vehicle
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 
 LEAST_LEAD = np.radians(10.0)  # below this lead the zone shrinks to nothing and then inverts
 MAP_LEVELS = 23  # damping values scanned at each station, in steps of 1.4
-JUMP = 0.25  # of the greatest required damping: between neighbours that differ by more, stations are added,
+JUMP = 0.05  # of the greatest required damping: between neighbours that differ by more,
+ABRUPT = 2.0  # and by so much more than the next ones do, stations are added,
 HALVINGS = 3  # so often
 
 
@@ -199,6 +201,8 @@ class RequiredDampingMap:
         worst = int(np.nanargmax(np.where(np.isnan(self.required), np.inf, self.required)))
         need = self.required[worst]
         text = "no damping suffices" if np.isnan(need) else f"{100.0 * need:.3f} % needed"
+        if need > (1.0 - 1e-5) * MOST_RATIO:
+            text = f"{100.0 * MOST_RATIO:g} % needed, the most that is sought"
         return f"{self.zone}\n  worst of {len(self.station)} stations, {self.station[worst]:.3f} m: {text}"
 
     def to_dataset(self) -> "xr.Dataset":
@@ -272,7 +276,9 @@ def _jumps(required: Array) -> IntArray:
     known = np.where(np.isnan(required), np.inf, required)
     most = np.max(required, initial=0.0, where=np.isfinite(required))
     with np.errstate(invalid="ignore"):  # between two that have no number
-        return np.flatnonzero(np.abs(np.diff(known)) > JUMP * most)
+        rise = np.nan_to_num(np.abs(np.diff(known)), posinf=np.inf)
+    beside = np.concatenate([[0.0], rise, [0.0]])
+    return np.flatnonzero((rise > JUMP * most) & (rise > ABRUPT * np.maximum(beside[:-2], beside[2:])))
 
 
 def _stations(v: Vehicle, tank: int, zone: DangerZone) -> Array:
