@@ -51,7 +51,7 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
     zone = next((m.zone for m in maps if not m.zone.reason), None)
     mark_line(ax, float(vehicle.cg), "c.g.", vertical=True, at=0.3, color=INK, linestyle="-")
     if zone is not None:
-        mark_line(ax, float(vehicle.cg) - float(zone.forward), "centre of percussion", vertical=True, at=0.88)
+        mark_line(ax, float(vehicle.cg) - float(zone.forward), "centre of percussion", vertical=True, at=0.6)
         text = f"aft bound{'s' if len(bounds) > 1 else ''} (eq 23)"
         ax.annotate(
             text,
