@@ -133,23 +133,29 @@ def _judge_tanks(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> 
 
 def _judge_radius(all_: _Findings, case: Case, cycle: Cycle, tanks: tuple[TankReview, ...]) -> None:
     """Hold every tank to its radius in a cycle of the loop as given."""
+    told = _told_on_radius(case, tanks)
     for name, (words, beyond) in cycle.on_radius(case).items():
         if beyond:
             all_.invalid.append(f"as given, {name}: {words}")
-        elif words:
+        elif words and not told[name][0]:
             all_.cautions.append(f"as given, {name}: caution: {words}")
     for mass, tank in zip(case.vehicle.tanks, tanks, strict=True):
         if mass.radius is None and not any(NO_RADIUS in reason for reason in tank.limit_cycle.reasons):
             all_.cautions.append(f"as given, {tank.name}: {NO_RADIUS}")
 
 
+def _told_on_radius(case: Case, tanks: tuple[TankReview, ...]) -> dict[str, tuple[str, bool]]:
+    """Return what each tank's own limit cycle says already of its radius."""
+    told = {}
+    for mass, tank in zip(case.vehicle.tanks, tanks, strict=True):
+        amplitude = tank.limit_cycle.worst_slosh_amplitude
+        told[tank.name] = words_on_radius(amplitude, float(mass.radius)) if mass.radius is not None else ("", False)
+    return told
+
+
 def _judge_coupled(all_: _Findings, case: Case, tanks: tuple[TankReview, ...]) -> None:
     """Hold every tank to its radius in the cycles that another tank's margin leads to."""
-    radius = {tank.name: tank.radius for tank in case.vehicle.tanks}
-    told = {}  # what each tank's own limit cycle says already
-    for tank in tanks:
-        amplitude, R = tank.limit_cycle.worst_slosh_amplitude, radius[tank.name]
-        told[tank.name] = words_on_radius(amplitude, float(R)) if R is not None else ("", False)
+    told = _told_on_radius(case, tanks)
     for tank in tanks:
         with_it = f"degraded by the margin of {tank.name}, all tanks coupled"
         for one in (cycle for cycle in tank.limit_cycle.coupled if cycle.stable):
