@@ -11,8 +11,8 @@ import oracle_flexible as second
 from cases import guided_case, paper_case, xi
 from held import hold_history, hold_poles
 from sloshpy.assess import assess
-from sloshpy.autopilot import Actuator, Autopilot
-from sloshpy.case import Case, Criteria
+from sloshpy.autopilot import Actuator
+from sloshpy.case import Criteria
 from sloshpy.damping import PowerDamping
 from sloshpy.dynamics import closed_loop_poles, frequency_response, open_loop, open_loop_poles
 from sloshpy.dynamics.growth import greatest_growth
@@ -24,7 +24,7 @@ from sloshpy.simulation import simulate
 from sloshpy.stability import danger_zone, margins, root_locus
 from sloshpy.stability.grid import grid_sweep
 from sloshpy.stability.nichols import loop_zeros
-from sloshpy.vehicle import SloshMass, Vehicle
+from sloshpy.vehicle import SloshMass
 
 HELD = {"drift_gain": 1.5e-5, "drift_rate_gain": 3e-4}  # about 0.1 rad/s, well damped, on the paper's stage
 
@@ -242,22 +242,20 @@ def test_a_file_reads_writes_reports_and_is_assessed(tmp_path):
 def test_rounding_at_the_origin_is_no_curve():
     # the poles of drift lie at the origin, rounded to 1e-7 rad/s: thousands of minima of noise were refined and listed
     law = PowerDamping(slope=0.09)
-    tanks = (
-        SloshMass(name="MMH", slosh_mass=700.0, station=5.1, frequency=2.5, damping=law),
-        SloshMass(name="NTO", slosh_mass=1100.0, hinge_station=4.9, pendulum_length=1.29, damping=law),
-        SloshMass(name="tip", slosh_mass=150.0, station=6.3, frequency=2.55, damping=xi(0.008)),
-    )
-    case = Case(
-        name="drift",
-        vehicle=Vehicle(mass=22000.0, inertia=1.6e5, cg=4.2, thrust=1.8e5, tanks=tanks),
-        autopilot=Autopilot(
-            attitude_gain=0.35,
-            rate_gain=0.45,
-            drift_gain=np.radians(0.02),
-            drift_rate_gain=np.radians(0.15),
-            delay=0.04,
-            actuator=Actuator(frequency=8.0 * np.pi, damping=0.7),
+    case = paper_case(
+        law,
+        vehicle={"mass": 22000.0, "inertia": 1.6e5, "cg": 4.2, "thrust": 1.8e5},
+        tank={"slosh_mass": 700.0, "station": 5.1, "frequency": 2.5},
+        more=(
+            SloshMass(name="NTO", slosh_mass=1100.0, hinge_station=4.9, pendulum_length=1.29, damping=law),
+            SloshMass(name="tip", slosh_mass=150.0, station=6.3, frequency=2.55, damping=xi(0.008)),
         ),
+        attitude_gain=0.35,
+        rate_gain=0.45,
+        drift_gain=np.radians(0.02),
+        drift_rate_gain=np.radians(0.15),
+        delay=0.04,
+        actuator=Actuator(frequency=8.0 * np.pi, damping=0.7),
     )
     found = margins(case, damping=np.array([0.0257, 0.0279, 0.008]))
     assert found.minima.value.shape[-1] < 20

@@ -54,8 +54,7 @@ def plot_danger_zone(found: RequiredDampingMap, ax: Axes | None = None) -> Axes:
     if not np.any(np.isfinite(required)):
         text = "no damping of this tank suffices at any station:\nanother mode is unstable or short of margin"
         ax.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=10.0)
-    label = "Station of the slosh mass, forward of the gimbal [m]"
-    finish(ax, _message(found, own), label, "Slosh damping [%]")
+    finish(ax, _message(found, own), "Station of the slosh mass, forward of the gimbal [m]", "Slosh damping [%]")
     return ax
 
 

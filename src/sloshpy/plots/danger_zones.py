@@ -64,8 +64,7 @@ def plot_danger_zones(maps: Sequence[RequiredDampingMap], ax: Axes | None = None
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
         )
     ax.legend(loc="upper right", fontsize=SMALL)
-    label = "Station of the slosh mass, forward of the gimbal [m]"
-    finish(ax, _message(maps), label, "Required slosh damping [%]")
+    finish(ax, _message(maps), "Station of the slosh mass, forward of the gimbal [m]", "Required slosh damping [%]")
     return ax
 
 

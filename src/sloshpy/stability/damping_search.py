@@ -29,7 +29,9 @@ MANY = 7  # where so many loops are worked on together instead
 SMALL = 2  # coordinates of a plant whose response is a formula
 BLOCK = 19  # of them at a time, from above
 NARROW = 0.1  # of a resonance's relative width, which is about the damping: where a minimum is sought once more
-PROOF = 5e-7  # relative: how far on both sides of a damping the verdict is asked that proves it
+# relative: how far on both sides of a damping the verdict is asked that proves it; where a margin hardly moves with it,
+# far enough for the slack of `required_damping`
+PROOF = 5e-7
 
 
 def damping_levels(count: int) -> Array:
