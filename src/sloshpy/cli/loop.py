@@ -99,7 +99,7 @@ def danger_zone(
 
     read, path = read_case(case), figure_path(case, output, "danger-zone")
     if every and tank is not None:
-        raise refused("--all", "", "and --tank exclude each other", "give one of them")
+        raise refused("--tank", tank, "and --all exclude each other", "give one of them")
     if every:
         maps = [required_damping_map(read, j) for j in range(len(read.vehicle.tanks))]
         print("\n".join(str(one) for one in maps))
